@@ -1,0 +1,276 @@
+//! A calibrated camera: lens model, image size and pose.
+
+mod pinhole;
+
+pub use pinhole::Pinhole;
+
+use nalgebra::{Matrix3, Vector3};
+
+use crate::error::{Error, Result, finite};
+use crate::geometry::{OPTICAL_FROM_FLU, Pose, rotation_from_euler};
+use crate::ground::Ground;
+
+/// Where a point falls on the image.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Projection {
+    /// (u, v) in pixels, (0, 0) the centre of the top-left pixel; NaN where the point has no image.
+    pub pixel: [f64; 2],
+    /// z in the camera frame, metres; negative behind the camera.
+    pub depth: f64,
+    /// In front of the camera and inside the rectangle of pixel centres, `[0, width - 1] x [0, height - 1]`.
+    pub valid: bool,
+}
+
+/// A calibrated camera. Immutable; vehicle frame ISO 8855 (x forward, y left, z up), camera frame optical (x right,
+/// y down, z forward), metres.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Camera {
+    model: Pinhole,
+    image_size: (u32, u32),
+    camera_from_vehicle: Pose,
+    vehicle_from_camera: Pose,
+}
+
+impl Camera {
+    /// A camera from its parts; `image_size` is (width, height).
+    ///
+    /// # Errors
+    /// [`Error::ImageSize`] where the image has no pixels or too many to be addressed.
+    pub fn new(model: Pinhole, image_size: (u32, u32), camera_from_vehicle: Pose) -> Result<Self> {
+        check_image_size("image_size", image_size.0.into(), image_size.1.into())?;
+        Ok(Self { model, image_size, camera_from_vehicle, vehicle_from_camera: camera_from_vehicle.inverse() })
+    }
+
+    /// A camera from where it stands and how it is turned: `R = (Rz(yaw) Ry(pitch) Rx(roll))^T`, `t = -R position`, then
+    /// the optical axes. Angles in radians; positive pitch looks down. Source: Cityscapes csCalibration.pdf.
+    ///
+    /// # Errors
+    /// [`Error::NotFinite`] and those of [`Camera::new`].
+    pub fn from_euler(
+        model: Pinhole,
+        image_size: (u32, u32),
+        position: [f64; 3],
+        roll: f64,
+        pitch: f64,
+        yaw: f64,
+    ) -> Result<Self> {
+        for (what, value) in [("roll", roll), ("pitch", pitch), ("yaw", yaw)] {
+            finite(what, value)?;
+        }
+        for value in position {
+            finite("position", value)?;
+        }
+        let rotation = OPTICAL_FROM_FLU * rotation_from_euler(roll, pitch, yaw).transpose();
+        let pose = Pose::new("camera_from_vehicle", rotation, -(rotation * Vector3::from(position)))?;
+        Self::new(model, image_size, pose)
+    }
+
+    /// The pose of a camera that stands at the vehicle's origin and looks along +x.
+    pub fn forward_pose() -> Pose {
+        Pose::new("camera_from_vehicle", OPTICAL_FROM_FLU, Vector3::zeros()).expect("a permutation of axes is rigid")
+    }
+
+    /// The lens model.
+    pub fn model(&self) -> &Pinhole {
+        &self.model
+    }
+
+    /// (width, height) of the image in pixels.
+    pub fn image_size(&self) -> (u32, u32) {
+        self.image_size
+    }
+
+    /// The pose, as given.
+    pub fn camera_from_vehicle(&self) -> &Pose {
+        &self.camera_from_vehicle
+    }
+
+    /// The inverse of the pose.
+    pub fn vehicle_from_camera(&self) -> &Pose {
+        &self.vehicle_from_camera
+    }
+
+    /// The optical centre in the vehicle frame, metres.
+    pub fn position(&self) -> Vector3<f64> {
+        *self.vehicle_from_camera.translation()
+    }
+
+    /// Unit vector of the optical axis in the vehicle frame.
+    pub fn optical_axis(&self) -> Vector3<f64> {
+        (self.vehicle_from_camera.rotation() * Vector3::z()).normalize()
+    }
+
+    /// Where a point of the vehicle frame falls on the image.
+    pub fn project(&self, point: &Vector3<f64>) -> Projection {
+        let in_camera = self.camera_from_vehicle.transform(point);
+        match self.model.project(&in_camera) {
+            Some(pixel) => Projection { pixel, depth: in_camera.z, valid: self.sees(pixel) },
+            None => Projection { pixel: [f64::NAN; 2], depth: in_camera.z, valid: false },
+        }
+    }
+
+    /// Where the ray through a pixel meets the road, in the vehicle frame; `None` where it does not.
+    pub fn ground_from_pixel(&self, pixel: [f64; 2], ground: &Ground) -> Option<Vector3<f64>> {
+        let direction = self.vehicle_from_camera.rotation() * self.model.ray(pixel);
+        ground.intersect(&self.position(), &direction)
+    }
+
+    /// One row of a grid: the pixels of the road points (x, ys[j]), NaN where a point has no image.
+    ///
+    /// The same arithmetic as [`Camera::project`] with everything that is constant along the row taken out of the loop.
+    pub fn project_ground_row(&self, x: f64, ys: &[f64], ground: &Ground, pixels: &mut [[f64; 2]]) {
+        debug_assert_eq!(ys.len(), pixels.len());
+        let rotation = self.camera_from_vehicle.rotation();
+        let origin = rotation.column(0) * x + self.camera_from_vehicle.translation();
+        let (left, up) = (rotation.column(1), rotation.column(2));
+        for (pixel, &y) in pixels.iter_mut().zip(ys) {
+            let in_camera = origin + left * y + up * ground.height_at(x, y);
+            *pixel = self.model.project(&in_camera).unwrap_or([f64::NAN; 2]);
+        }
+    }
+
+    /// The same camera with its image resampled to another size. Pixel areas scale, so
+    /// `c' = (c + 0.5) s - 0.5`, per axis, as `cv2.resize` does to the picture.
+    ///
+    /// # Errors
+    /// [`Error::ImageSize`].
+    pub fn resized(&self, width: u32, height: u32) -> Result<Self> {
+        check_image_size("resized", width.into(), height.into())?;
+        let scale = |new: u32, old: u32| f64::from(new) / f64::from(old);
+        let model = self.model.scaled(scale(width, self.image_size.0), scale(height, self.image_size.1));
+        Ok(Self { model, image_size: (width, height), ..*self })
+    }
+
+    /// The camera of the `width` x `height` crop whose top-left pixel is (x, y): only the principal point moves.
+    ///
+    /// # Errors
+    /// [`Error::Crop`] where the rectangle is empty or leaves the image.
+    pub fn cropped(&self, x: u32, y: u32, width: u32, height: u32) -> Result<Self> {
+        let (image_width, image_height) = self.image_size;
+        let fits =
+            |start: u32, length: u32, size: u32| length > 0 && u64::from(start) + u64::from(length) <= u64::from(size);
+        if !fits(x, width, image_width) || !fits(y, height, image_height) {
+            return Err(Error::Crop {
+                x: x.into(),
+                y: y.into(),
+                crop_width: width.into(),
+                crop_height: height.into(),
+                width: image_width,
+                height: image_height,
+            });
+        }
+        let model = self.model.shifted(-f64::from(x), -f64::from(y));
+        Ok(Self { model, image_size: (width, height), ..*self })
+    }
+
+    /// The same camera elsewhere.
+    pub fn with_pose(&self, camera_from_vehicle: Pose) -> Self {
+        Self { camera_from_vehicle, vehicle_from_camera: camera_from_vehicle.inverse(), ..*self }
+    }
+
+    /// The 3x3 intrinsic matrix.
+    pub fn intrinsics(&self) -> Matrix3<f64> {
+        self.model.matrix()
+    }
+
+    fn sees(&self, [u, v]: [f64; 2]) -> bool {
+        let (width, height) = self.image_size;
+        u >= 0.0 && v >= 0.0 && u <= f64::from(width - 1) && v <= f64::from(height - 1)
+    }
+}
+
+/// Refuses an image with no pixels, and one whose pixels with a frame of one pixel around do not fit 32 bits: tables
+/// address them so.
+pub(crate) fn check_image_size(what: &'static str, width: u64, height: u64) -> Result<(u32, u32)> {
+    let framed = (width.saturating_add(2)).saturating_mul(height.saturating_add(2));
+    match (u32::try_from(width), u32::try_from(height)) {
+        (Ok(w @ 1..), Ok(h @ 1..)) if framed <= u64::from(u32::MAX) => Ok((w, h)),
+        _ => Err(Error::ImageSize { what, width, height }),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn seed() -> Camera {
+        let model =
+            Pinhole::new(2263.54773399985, 2250.3728170599807, 1079.0175620000632, 515.006600600019, 0.0).unwrap();
+        let position = [1.7, 0.026239999999999368, 1.212400000000026];
+        Camera::from_euler(model, (2048, 1024), position, 0.0, 0.03842560000000292, -0.009726800000000934).unwrap()
+    }
+
+    #[test]
+    fn projects_the_cityscapes_seed_points() {
+        // golden: cityscapes_seed, verified with cv2.projectPoints and the dataset's own code
+        for (point, pixel, depth, valid) in [
+            ([10.0, 0.0, 0.0], [1064.2284062502101, 755.8620516829769], 8.340311599301199, true),
+            ([10.0, 3.0, 0.0], [247.16330874797774, 757.0105787363667], 8.311153199258536, true),
+            ([50.0, -10.0, 0.0], [1525.870259408624, 484.8975460926834], 48.40608856369829, true),
+            ([7.0, 10.0, 0.0], [-3246.941493537947, 949.0108977698844], 5.245473260173206, false),
+        ] {
+            let got = seed().project(&Vector3::from(point));
+            assert!((got.pixel[0] - pixel[0]).abs() < 1e-9 && (got.pixel[1] - pixel[1]).abs() < 1e-9, "{got:?}");
+            assert!((got.depth - depth).abs() < 1e-12);
+            assert_eq!(got.valid, valid);
+        }
+    }
+
+    #[test]
+    fn a_point_behind_or_at_the_camera_has_no_image() {
+        for x in [1.6, -50.0, f64::NAN] {
+            let got = seed().project(&Vector3::new(x, 0.0, 0.0));
+            assert!(got.pixel[0].is_nan() && got.pixel[1].is_nan() && !got.valid);
+        }
+        let centre = seed().position();
+        assert!(!seed().project(&centre).valid);
+    }
+
+    #[test]
+    fn a_grid_row_equals_point_by_point_projection() {
+        let (camera, ground) = (seed(), Ground::height(0.2).unwrap());
+        let ys: Vec<f64> = (-100..100).map(|j| f64::from(j) * 0.3).collect();
+        for x in [-3.0, 1.7, 8.0, 40.0] {
+            let mut row = vec![[0.0; 2]; ys.len()];
+            camera.project_ground_row(x, &ys, &ground, &mut row);
+            for (&y, got) in ys.iter().zip(&row) {
+                let expected = camera.project(&Vector3::new(x, y, 0.2)).pixel;
+                for axis in 0..2 {
+                    let scale = 1.0 + expected[axis].abs();
+                    let same = (got[axis] - expected[axis]).abs() < 1e-9 * scale;
+                    assert!(same || (got[axis].is_nan() && expected[axis].is_nan()), "{x} {y}: {got:?} {expected:?}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn pixel_to_ground_and_back() {
+        let (camera, ground) = (seed(), Ground::height(-0.33).unwrap());
+        for pixel in [[0.0, 600.0], [1024.0, 1023.0], [2047.0, 450.0]] {
+            let point = camera.ground_from_pixel(pixel, &ground).unwrap();
+            assert_eq!(point.z, -0.33);
+            let back = camera.project(&point).pixel;
+            assert!((back[0] - pixel[0]).abs() < 1e-8 && (back[1] - pixel[1]).abs() < 1e-8);
+        }
+        assert_eq!(camera.ground_from_pixel([1024.0, 200.0], &ground), None, "above the horizon");
+    }
+
+    #[test]
+    fn crops_and_resizes_follow_the_pixels() {
+        let camera = seed();
+        let point = Vector3::new(15.0, 1.0, 0.3);
+        let [u, v] = camera.project(&point).pixel;
+        let cropped = camera.cropped(100, 50, 1500, 900).unwrap();
+        let [cu, cv] = cropped.project(&point).pixel;
+        assert!((cu - (u - 100.0)).abs() < 1e-9 && (cv - (v - 50.0)).abs() < 1e-9);
+        let half = camera.resized(1024, 256).unwrap();
+        let [hu, hv] = half.project(&point).pixel;
+        assert!((hu - ((u + 0.5) * 0.5 - 0.5)).abs() < 1e-9 && (hv - ((v + 0.5) * 0.25 - 0.5)).abs() < 1e-9);
+        for (x, y, w, h) in [(0, 0, 0, 5), (2000, 0, 49, 5), (0, 1024, 1, 1), (u32::MAX, 0, u32::MAX, 1)] {
+            assert!(matches!(camera.cropped(x, y, w, h), Err(Error::Crop { .. })));
+        }
+        assert!(matches!(camera.resized(0, 5), Err(Error::ImageSize { .. })));
+        assert!(matches!(camera.resized(1 << 16, 1 << 16), Err(Error::ImageSize { .. })));
+    }
+}

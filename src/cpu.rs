@@ -1,0 +1,62 @@
+//! The instruction sets that this build has kernels for.
+
+use std::sync::OnceLock;
+
+use crate::error::{Error, Result};
+
+/// An instruction set with kernels of its own. All give the same answers to the last bit.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum Isa {
+    /// Plain Rust: the definition of every kernel.
+    Scalar,
+}
+
+impl Isa {
+    /// Its name in `IPM_RS_ISA`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Scalar => "scalar",
+        }
+    }
+
+    /// Those that this build has and this CPU can run, best last.
+    pub fn available() -> &'static [Self] {
+        &[Self::Scalar]
+    }
+
+    /// The one in use: that of the environment variable `IPM_RS_ISA`, else the best available. Read once.
+    ///
+    /// # Errors
+    /// [`Error::Isa`] where the variable names none that is available.
+    pub fn active() -> Result<Self> {
+        static ACTIVE: OnceLock<Result<Isa>> = OnceLock::new();
+        let choose = || match std::env::var_os("IPM_RS_ISA") {
+            Some(name) => Self::parse(&name.to_string_lossy()),
+            None => Ok(Self::available()[Self::available().len() - 1]),
+        };
+        ACTIVE.get_or_init(choose).clone()
+    }
+
+    fn parse(name: &str) -> Result<Self> {
+        let found = Self::available().iter().find(|isa| isa.name() == name.trim().to_ascii_lowercase());
+        found.copied().ok_or_else(|| Error::Isa {
+            available: Self::available().iter().map(|isa| isa.name()).collect::<Vec<_>>().join(", "),
+            got: name.to_owned(),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_available_name_is_understood_and_no_other() {
+        for &isa in Isa::available() {
+            assert_eq!(Isa::parse(isa.name()), Ok(isa));
+        }
+        assert!(matches!(Isa::parse("mmx"), Err(Error::Isa { .. })));
+        assert!(matches!(Isa::parse(""), Err(Error::Isa { .. })));
+    }
+}

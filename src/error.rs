@@ -1,0 +1,239 @@
+//! One error type: a variant per user mistake, whose message says what was expected, what came and how to mend it.
+
+/// Everything that a caller can get wrong.
+///
+/// The Python layer maps each variant to one exception class; see `python/error.rs`.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// A number that must be finite is NaN or infinite.
+    #[error("{what}: expected finite numbers, got {got}")]
+    NotFinite {
+        /// The parameter's name.
+        what: &'static str,
+        /// The offending number.
+        got: f64,
+    },
+    /// An intrinsic matrix that is no pinhole matrix.
+    #[error(
+        "K: expected [[fx, skew, cx], [0, fy, cy], [0, 0, 1]] with finite entries and fx, fy > 0, got {got:?} ({problem})"
+    )]
+    Intrinsics {
+        /// The matrix, row by row.
+        got: [[f64; 3]; 3],
+        /// Which of the conditions fails.
+        problem: &'static str,
+    },
+    /// An image size with no pixels, or too large to be addressed.
+    #[error(
+        "{what}: expected (width, height) of at least 1 x 1 and fewer than 2^32 pixels with a frame of one pixel, got {width} x {height}"
+    )]
+    ImageSize {
+        /// The parameter's name.
+        what: &'static str,
+        /// Pixels per row.
+        width: u64,
+        /// Rows.
+        height: u64,
+    },
+    /// A crop that reaches outside its image.
+    #[error(
+        "cropped: expected a rectangle of at least 1 x 1 inside the {width} x {height} image, got x {x}, y {y}, {crop_width} x {crop_height}"
+    )]
+    Crop {
+        /// Left column of the crop.
+        x: u64,
+        /// Top row of the crop.
+        y: u64,
+        /// Columns of the crop.
+        crop_width: u64,
+        /// Rows of the crop.
+        crop_height: u64,
+        /// Columns of the image.
+        width: u32,
+        /// Rows of the image.
+        height: u32,
+    },
+    /// A rotation that is not one.
+    #[error(
+        "{what}: expected a rotation (|R^T R - I| <= 1e-4 and det R > 0), got |R^T R - I| = {deviation:.1e} and det R = {det:.4}; {mend}"
+    )]
+    NotRigid {
+        /// The parameter's name.
+        what: &'static str,
+        /// Largest entry of |R^T R - I|.
+        deviation: f64,
+        /// Determinant of R.
+        det: f64,
+        /// What the caller can do.
+        mend: &'static str,
+    },
+    /// A 4x4 matrix whose last row is not (0, 0, 0, 1).
+    #[error(
+        "{what}: expected a rigid 4x4 transform with last row [0, 0, 0, 1], got last row {got:?}; is it transposed (row-vector convention)?"
+    )]
+    LastRow {
+        /// The parameter's name.
+        what: &'static str,
+        /// The last row that came.
+        got: [f64; 4],
+    },
+    /// A grid range that is reversed, empty or not finite.
+    #[error("{axis}: expected a finite range (min, max) in metres with min < max, got ({min}, {max})")]
+    GridRange {
+        /// "x" or "y".
+        axis: &'static str,
+        /// Lower end.
+        min: f64,
+        /// Upper end.
+        max: f64,
+    },
+    /// A cell size that is zero, negative or not finite.
+    #[error("resolution: expected a positive cell size in metres along {axis}, got {got}")]
+    CellSize {
+        /// "x" or "y".
+        axis: &'static str,
+        /// The size that came.
+        got: f64,
+    },
+    /// A range that is not a whole number of cells.
+    #[error(
+        "{axis}: ({min}, {max}) is {cells} cells of {cell} m, expected a whole number (to 1e-6); the nearest is ({min}, {nearest_max}), {nearest} cells"
+    )]
+    PartialCell {
+        /// "x" or "y".
+        axis: &'static str,
+        /// Lower end.
+        min: f64,
+        /// Upper end.
+        max: f64,
+        /// Cell size, metres.
+        cell: f64,
+        /// Cells in the range, not whole.
+        cells: f64,
+        /// Nearest whole number of cells, at least one.
+        nearest: f64,
+        /// Upper end of the range of that many cells.
+        nearest_max: f64,
+    },
+    /// More cells than a table may hold.
+    #[error(
+        "{what}: {rows} x {columns} cells are more than the {limit} that one table may hold; use a larger resolution or a smaller range"
+    )]
+    TooManyCells {
+        /// What asked for them.
+        what: &'static str,
+        /// Rows, as a float because it may not fit an integer.
+        rows: f64,
+        /// Columns, likewise.
+        columns: f64,
+        /// The limit.
+        limit: usize,
+    },
+    /// Two maps, or a map and its shape, that do not fit.
+    #[error("map_y: expected the shape of map_x, {expected} entries, got {got}")]
+    MapLength {
+        /// Entries expected.
+        expected: usize,
+        /// Entries that came.
+        got: usize,
+    },
+    /// A homography that maps everything to a line or to nothing.
+    #[error("M: expected a finite, invertible 3x3 matrix from output pixel to source pixel, got {got:?} ({problem})")]
+    Homography {
+        /// The matrix, row by row.
+        got: [[f64; 3]; 3],
+        /// Which condition fails.
+        problem: &'static str,
+    },
+    /// Bytes that are not a table this version wrote.
+    #[error("Lut: expected the bytes of a table, got damaged or foreign data ({problem}); build it again")]
+    DamagedTable {
+        /// What was found first.
+        problem: &'static str,
+    },
+    /// Not enough memory.
+    #[error("{what}: {bytes} bytes could not be allocated; use a larger resolution or a smaller range")]
+    OutOfMemory {
+        /// What they were for.
+        what: &'static str,
+        /// How many.
+        bytes: usize,
+    },
+    /// An image without pixels.
+    #[error("{what}: expected at least one pixel and one channel, got {width} x {height} with {channels} channels")]
+    EmptyImage {
+        /// The parameter's name.
+        what: &'static str,
+        /// Columns.
+        width: usize,
+        /// Rows.
+        height: usize,
+        /// Samples per pixel.
+        channels: usize,
+    },
+    /// A buffer that does not hold the rows it claims.
+    #[error(
+        "{what}: {width} x {height} pixels of {channels} channels with row stride {row_stride} do not fit a buffer of {length} samples"
+    )]
+    ImageBuffer {
+        /// The parameter's name.
+        what: &'static str,
+        /// Columns.
+        width: usize,
+        /// Rows.
+        height: usize,
+        /// Samples per pixel.
+        channels: usize,
+        /// Samples from one row to the next.
+        row_stride: isize,
+        /// Samples in the buffer.
+        length: usize,
+    },
+    /// An image of another size than the table was built for.
+    #[error("image is {}x{} but this Lut was built for {}x{}; use camera.resized() or camera.cropped() and build it again", got.0, got.1, expected.0, expected.1)]
+    SizeMismatch {
+        /// (width, height) of the table's source.
+        expected: (usize, usize),
+        /// (width, height) of the image.
+        got: (usize, usize),
+    },
+    /// An output of the wrong shape.
+    #[error("out: expected (rows, columns, channels) = {expected:?}, got {got:?}")]
+    OutputShape {
+        /// Rows, columns, channels of the result.
+        expected: (usize, usize, usize),
+        /// Those of the array that came.
+        got: (usize, usize, usize),
+    },
+    /// A border value with neither one entry nor one per channel.
+    #[error("border_value: expected one value or one for each of the {expected} channels, got {got} values")]
+    BorderChannels {
+        /// Channels of the image.
+        expected: usize,
+        /// Values that came.
+        got: usize,
+    },
+    /// A thread count below one.
+    #[error("threads: expected at least 1, got {got}")]
+    Threads {
+        /// The count that came.
+        got: usize,
+    },
+    /// An instruction set that is unknown or that this CPU or build lacks.
+    #[error("IPM_RS_ISA: expected one of {available}, got {got:?}; unset it to use the best")]
+    Isa {
+        /// What this CPU and build offer.
+        available: String,
+        /// The value that came.
+        got: String,
+    },
+}
+
+/// `Result` with this crate's [`Error`].
+pub type Result<T, E = Error> = std::result::Result<T, E>;
+
+/// `value` if it is finite.
+pub(crate) fn finite(what: &'static str, value: f64) -> Result<f64> {
+    if value.is_finite() { Ok(value) } else { Err(Error::NotFinite { what, got: value }) }
+}

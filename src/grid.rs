@@ -1,0 +1,186 @@
+//! The metric grid on the road.
+
+use crate::error::{Error, Result};
+
+/// Most cells that one grid, and so one table, may have: 2^28, a table of at most 3 GiB.
+pub const MAX_CELLS: usize = 1 << 28;
+
+/// How far from a whole number of cells a range may be, in cells.
+const WHOLE_CELLS: f64 = 1e-6;
+
+/// Which point of a cell is looked up.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+pub enum SampleAt {
+    /// The middle of the cell (KITTI's road benchmark, rasters). The default.
+    #[default]
+    Center,
+    /// The far left corner: `X = x_max - i dx`, `Y = y_max - j dy`, as in the widely copied IPM tutorials.
+    Corner,
+}
+
+impl SampleAt {
+    /// Distance of the sample from the cell's far left corner, in cells.
+    #[inline]
+    fn offset(self) -> f64 {
+        match self {
+            Self::Center => 0.5,
+            Self::Corner => 0.0,
+        }
+    }
+}
+
+/// A rectangle of equal cells on the road, in the vehicle frame: row 0 is the farthest (x_max), column 0 the leftmost
+/// (y_max).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct BevGrid {
+    x: (f64, f64),
+    y: (f64, f64),
+    resolution: (f64, f64),
+    sample_at: SampleAt,
+    rows: usize,
+    columns: usize,
+}
+
+impl BevGrid {
+    /// A grid from its ranges (min, max) and cell sizes (along x, along y), metres.
+    ///
+    /// # Errors
+    /// [`Error::GridRange`], [`Error::CellSize`], [`Error::PartialCell`] and [`Error::TooManyCells`].
+    pub fn new(x: (f64, f64), y: (f64, f64), resolution: (f64, f64), sample_at: SampleAt) -> Result<Self> {
+        let rows = cells("x", x, resolution.0)?;
+        let columns = cells("y", y, resolution.1)?;
+        check_cells("BevGrid", rows, columns)?;
+        Ok(Self { x, y, resolution, sample_at, rows: rows as usize, columns: columns as usize })
+    }
+
+    /// Cells along x: 43 m of 0.05 m are 860.
+    pub fn rows(&self) -> usize {
+        self.rows
+    }
+
+    /// Cells along y.
+    pub fn columns(&self) -> usize {
+        self.columns
+    }
+
+    /// (min, max) along x.
+    pub fn x(&self) -> (f64, f64) {
+        self.x
+    }
+
+    /// (min, max) along y.
+    pub fn y(&self) -> (f64, f64) {
+        self.y
+    }
+
+    /// Cell size (along x, along y).
+    pub fn resolution(&self) -> (f64, f64) {
+        self.resolution
+    }
+
+    /// Which point of a cell is looked up.
+    pub fn sample_at(&self) -> SampleAt {
+        self.sample_at
+    }
+
+    /// x of a row's samples; rows may be fractional or outside the grid.
+    #[inline]
+    pub fn x_of_row(&self, row: f64) -> f64 {
+        self.x.1 - (row + self.sample_at.offset()) * self.resolution.0
+    }
+
+    /// y of a column's samples.
+    #[inline]
+    pub fn y_of_column(&self, column: f64) -> f64 {
+        self.y.1 - (column + self.sample_at.offset()) * self.resolution.1
+    }
+
+    /// (row, column) of a road point, fractional: whole at the samples.
+    pub fn cell_from_ground(&self, [x, y]: [f64; 2]) -> [f64; 2] {
+        let offset = self.sample_at.offset();
+        [(self.x.1 - x) / self.resolution.0 - offset, (self.y.1 - y) / self.resolution.1 - offset]
+    }
+
+    /// The road point of a (row, column): the inverse of [`BevGrid::cell_from_ground`].
+    pub fn ground_from_cell(&self, [row, column]: [f64; 2]) -> [f64; 2] {
+        [self.x_of_row(row), self.y_of_column(column)]
+    }
+}
+
+/// Refuses shapes that no table may have, before any memory is asked for.
+pub(crate) fn check_cells(what: &'static str, rows: f64, columns: f64) -> Result<()> {
+    if rows * columns <= MAX_CELLS as f64 {
+        return Ok(());
+    }
+    Err(Error::TooManyCells { what, rows, columns, limit: MAX_CELLS })
+}
+
+/// Whole cells in a range.
+fn cells(axis: &'static str, (min, max): (f64, f64), cell: f64) -> Result<f64> {
+    let length = max - min;
+    if !(min.is_finite() && max.is_finite() && length > 0.0 && length.is_finite()) {
+        return Err(Error::GridRange { axis, min, max });
+    }
+    if !(cell > 0.0 && cell.is_finite()) {
+        return Err(Error::CellSize { axis, got: cell });
+    }
+    let cells = length / cell;
+    let nearest = cells.round().max(1.0);
+    if (cells - nearest).abs() > WHOLE_CELLS && cells <= MAX_CELLS as f64 {
+        let nearest_max = min + nearest * cell;
+        return Err(Error::PartialCell { axis, min, max, cell, cells, nearest, nearest_max });
+    }
+    Ok(nearest)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn seed(sample_at: SampleAt) -> BevGrid {
+        BevGrid::new((7.0, 50.0), (-10.0, 10.0), (0.05, 0.025), sample_at).unwrap()
+    }
+
+    #[test]
+    fn the_seed_grid_is_860_by_800() {
+        let grid = seed(SampleAt::Corner);
+        assert_eq!((grid.rows(), grid.columns()), (860, 800));
+        assert_eq!((grid.x_of_row(0.0), grid.y_of_column(0.0)), (50.0, 10.0));
+        assert!((grid.x_of_row(859.0) - 7.05).abs() < 1e-12 && (grid.y_of_column(799.0) + 9.975).abs() < 1e-12);
+        let grid = seed(SampleAt::Center);
+        assert_eq!((grid.x_of_row(0.0), grid.y_of_column(0.0)), (49.975, 9.9875));
+    }
+
+    #[test]
+    fn cells_and_metres_are_inverse_in_both_samplings() {
+        for sample_at in [SampleAt::Center, SampleAt::Corner] {
+            let grid = seed(sample_at);
+            for cell in [[0.0, 0.0], [859.0, 799.0], [12.25, -3.5]] {
+                let back = grid.cell_from_ground(grid.ground_from_cell(cell));
+                assert!((back[0] - cell[0]).abs() < 1e-9 && (back[1] - cell[1]).abs() < 1e-9);
+            }
+        }
+    }
+
+    #[test]
+    fn refuses_what_is_no_grid() {
+        let new = |x, dx| BevGrid::new(x, (-10.0, 10.0), (dx, 0.1), SampleAt::Center);
+        assert!(matches!(new((50.0, 7.0), 0.05), Err(Error::GridRange { axis: "x", .. })));
+        assert!(matches!(new((7.0, 7.0), 0.05), Err(Error::GridRange { .. })));
+        assert!(matches!(new((f64::NAN, 7.0), 0.05), Err(Error::GridRange { .. })));
+        assert!(matches!(new((-f64::MAX, f64::MAX), 0.05), Err(Error::GridRange { .. })));
+        for cell in [0.0, -0.1, f64::NAN, f64::INFINITY] {
+            assert!(matches!(new((7.0, 50.0), cell), Err(Error::CellSize { .. })));
+        }
+        assert!(matches!(new((7.0, 50.0), 1e-9), Err(Error::TooManyCells { .. })));
+        assert!(matches!(new((7.0, 50.0), f64::MIN_POSITIVE), Err(Error::TooManyCells { .. })));
+        match new((7.0, 50.02), 0.05) {
+            Err(Error::PartialCell { nearest, nearest_max, .. }) => {
+                assert_eq!(nearest, 860.0);
+                assert!((nearest_max - 50.0).abs() < 1e-9);
+            }
+            other => panic!("{other:?}"),
+        }
+        assert!(matches!(new((7.0, 7.01), 0.05), Err(Error::PartialCell { nearest: 1.0, .. })));
+    }
+}

@@ -1,0 +1,218 @@
+//! Borrowed images: data, size, channels and row stride, checked once.
+
+use crate::error::{Error, Result};
+
+/// A read-only image of interleaved samples: (height, width, channels) with any row stride, also zero or negative.
+#[derive(Debug, Clone, Copy)]
+pub struct ImageView<'a, T> {
+    data: &'a [T],
+    width: usize,
+    height: usize,
+    channels: usize,
+    /// Index of the first sample of row 0.
+    origin: usize,
+    /// Samples from one row to the next.
+    row_stride: isize,
+}
+
+impl<'a, T> ImageView<'a, T> {
+    /// A contiguous image.
+    ///
+    /// # Errors
+    /// [`Error::EmptyImage`] and [`Error::ImageBuffer`].
+    pub fn new(data: &'a [T], (width, height): (usize, usize), channels: usize) -> Result<Self> {
+        let row_stride = isize::try_from(width.saturating_mul(channels)).unwrap_or(isize::MAX);
+        Self::with_row_stride(data, (width, height), channels, 0, row_stride)
+    }
+
+    /// An image whose row y begins at `data[origin + y * row_stride]`.
+    ///
+    /// # Errors
+    /// [`Error::EmptyImage`] and [`Error::ImageBuffer`].
+    pub fn with_row_stride(
+        data: &'a [T],
+        (width, height): (usize, usize),
+        channels: usize,
+        origin: usize,
+        row_stride: isize,
+    ) -> Result<Self> {
+        check_not_empty("image", width, height, channels)?;
+        let view = Self { data, width, height, channels, origin, row_stride };
+        let fits = |row: usize| {
+            let begin =
+                isize::try_from(row).ok()?.checked_mul(row_stride)?.checked_add(isize::try_from(origin).ok()?)?;
+            let end = usize::try_from(begin).ok()?.checked_add(width.checked_mul(channels)?)?;
+            Some(end <= data.len())
+        };
+        // rows lie on a line, so the first and the last bound all others
+        if fits(0) == Some(true) && fits(height - 1) == Some(true) {
+            return Ok(view);
+        }
+        Err(Error::ImageBuffer { what: "image", width, height, channels, row_stride, length: data.len() })
+    }
+
+    /// Columns.
+    pub fn width(&self) -> usize {
+        self.width
+    }
+
+    /// Rows.
+    pub fn height(&self) -> usize {
+        self.height
+    }
+
+    /// Samples per pixel.
+    pub fn channels(&self) -> usize {
+        self.channels
+    }
+
+    /// The samples between which all rows lie.
+    pub(crate) fn data(&self) -> &'a [T] {
+        self.data
+    }
+
+    /// Index of the first sample of row y.
+    #[inline]
+    pub(crate) fn row_start(&self, y: usize) -> usize {
+        self.origin.wrapping_add_signed((y as isize).wrapping_mul(self.row_stride))
+    }
+
+    /// Whether pixel i of row y is sample `(y * width + i) * channels` of `data`.
+    pub(crate) fn is_contiguous(&self) -> bool {
+        self.origin == 0 && self.row_stride == (self.width * self.channels) as isize
+    }
+
+    /// The samples of the pixel at column x, row y.
+    ///
+    /// # Panics
+    /// Where the pixel is not inside the image.
+    #[inline]
+    pub fn pixel(&self, x: usize, y: usize) -> &'a [T] {
+        assert!(x < self.width && y < self.height, "pixel ({x}, {y}) of a {} x {} image", self.width, self.height);
+        let start = self.row_start(y) + x * self.channels;
+        &self.data[start..start + self.channels]
+    }
+}
+
+/// A writable image: rows in order, `row_stride` samples apart, that do not overlap.
+#[derive(Debug)]
+pub struct ImageViewMut<'a, T> {
+    data: &'a mut [T],
+    width: usize,
+    height: usize,
+    channels: usize,
+    row_stride: usize,
+}
+
+impl<'a, T> ImageViewMut<'a, T> {
+    /// A contiguous image.
+    ///
+    /// # Errors
+    /// [`Error::EmptyImage`] and [`Error::ImageBuffer`].
+    pub fn new(data: &'a mut [T], (width, height): (usize, usize), channels: usize) -> Result<Self> {
+        Self::with_row_stride(data, (width, height), channels, width.saturating_mul(channels))
+    }
+
+    /// An image whose row y begins at `data[y * row_stride]`.
+    ///
+    /// # Errors
+    /// [`Error::EmptyImage`] and [`Error::ImageBuffer`].
+    pub fn with_row_stride(
+        data: &'a mut [T],
+        (width, height): (usize, usize),
+        channels: usize,
+        row_stride: usize,
+    ) -> Result<Self> {
+        check_not_empty("out", width, height, channels)?;
+        let row_length = width.checked_mul(channels);
+        let needed = row_length.and_then(|length| (height - 1).checked_mul(row_stride)?.checked_add(length));
+        match (row_length, needed) {
+            (Some(length), Some(needed)) if length <= row_stride && needed <= data.len() => {
+                Ok(Self { data, width, height, channels, row_stride })
+            }
+            _ => Err(Error::ImageBuffer {
+                what: "out",
+                width,
+                height,
+                channels,
+                row_stride: isize::try_from(row_stride).unwrap_or(isize::MAX),
+                length: data.len(),
+            }),
+        }
+    }
+
+    /// (rows, columns, channels).
+    pub(crate) fn shape(&self) -> (usize, usize, usize) {
+        (self.height, self.width, self.channels)
+    }
+
+    /// The rows in bands of `rows_per_band`: (first row, its rows), each row without its padding.
+    pub(crate) fn bands(
+        &mut self,
+        rows_per_band: usize,
+    ) -> impl Iterator<Item = (usize, impl Iterator<Item = &mut [T]>)> {
+        let (height, row_length, stride) = (self.height, self.width * self.channels, self.row_stride);
+        let end = (height - 1) * stride + row_length; // the last row's padding need not exist
+        self.data[..end].chunks_mut(stride * rows_per_band).enumerate().map(move |(band, samples)| {
+            (band * rows_per_band, samples.chunks_mut(stride).map(move |row| &mut row[..row_length]))
+        })
+    }
+}
+
+fn check_not_empty(what: &'static str, width: usize, height: usize, channels: usize) -> Result<()> {
+    if width == 0 || height == 0 || channels == 0 {
+        return Err(Error::EmptyImage { what, width, height, channels });
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rows_may_run_backwards_repeat_or_skip() {
+        let data: Vec<u8> = (0..24).collect();
+        let flipped = ImageView::with_row_stride(&data, (3, 4), 2, 18, -6).unwrap();
+        assert_eq!((flipped.pixel(0, 0), flipped.pixel(2, 3)), (&data[18..20], &data[4..6]));
+        let repeated = ImageView::with_row_stride(&data, (3, 100), 2, 6, 0).unwrap();
+        assert_eq!(repeated.pixel(1, 99), &data[8..10]);
+        let skipped = ImageView::with_row_stride(&data, (3, 2), 2, 0, 12).unwrap();
+        assert_eq!(skipped.pixel(0, 1), &data[12..14]);
+    }
+
+    #[test]
+    fn refuses_rows_outside_the_buffer() {
+        let data = [0u8; 24];
+        for (size, channels, origin, stride) in [
+            ((3, 5), 2, 0, 6),
+            ((3, 4), 2, 1, 6),
+            ((3, 4), 2, 0, -6),
+            ((usize::MAX, 2), 2, 0, 6),
+            ((3, 4), 2, 0, isize::MAX),
+        ] {
+            let got = ImageView::with_row_stride(&data, size, channels, origin, stride);
+            assert!(matches!(got, Err(Error::ImageBuffer { .. })), "{size:?} {origin} {stride}");
+        }
+        assert!(matches!(ImageView::new(&data, (0, 4), 1), Err(Error::EmptyImage { .. })));
+        let mut data = [0u8; 24];
+        assert!(ImageViewMut::with_row_stride(&mut data, (3, 4), 2, 5).is_err(), "overlapping rows");
+        assert!(ImageViewMut::with_row_stride(&mut data, (3, 4), 1, 7).is_ok(), "no padding after the last row");
+        assert!(ImageViewMut::with_row_stride(&mut data, (3, 4), 1, 8).is_err());
+    }
+
+    #[test]
+    fn bands_cover_every_row_once_and_no_padding() {
+        let mut data = [0u8; 5 * 7 - 1];
+        let mut image = ImageViewMut::with_row_stride(&mut data, (6, 5), 1, 7).unwrap();
+        for (first, rows) in image.bands(2) {
+            for (row, samples) in (first..).zip(rows) {
+                samples.fill(row as u8 + 1);
+            }
+        }
+        for (index, &value) in data.iter().enumerate() {
+            let expected = if index % 7 == 6 { 0 } else { index / 7 + 1 };
+            assert_eq!(usize::from(value), expected, "{index}");
+        }
+    }
+}

@@ -1,0 +1,43 @@
+//! Metric bird's-eye views from calibrated cameras: inverse perspective mapping.
+//!
+//! ```
+//! use ipm_rs::{BevGrid, Camera, Ground, ImageView, Lut, Pinhole, SampleAt, WarpOptions};
+//!
+//! # fn main() -> ipm_rs::Result<()> {
+//! let lens = Pinhole::new(800.0, 800.0, 639.5, 359.5, 0.0)?;
+//! let pitch = 5f64.to_radians(); // positive pitch looks down
+//! let camera = Camera::from_euler(lens, (1280, 720), [1.5, 0.0, 1.4], 0.0, pitch, 0.0)?;
+//! let grid = BevGrid::new((6.0, 36.0), (-8.0, 8.0), (0.1, 0.1), SampleAt::Center)?;
+//! let lut = Lut::new(&camera, &grid, &Ground::default())?; // built once, used for every frame
+//! let frame = vec![128u8; 1280 * 720 * 3];
+//! let bev = lut.warp(&ImageView::new(&frame, (1280, 720), 3)?, &WarpOptions::default())?;
+//! assert_eq!(bev.len(), 300 * 160 * 3);
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! Frames: vehicle ISO 8855 (x forward, y left, z up, metres), camera optical (x right, y down, z forward), pixel (0, 0)
+//! the centre of the top-left pixel. Transforms are named `dst_from_src`, angles are in radians.
+
+mod camera;
+mod cpu;
+mod error;
+pub mod geometry;
+mod grid;
+mod ground;
+mod image;
+mod lut;
+mod parallel;
+#[cfg(feature = "python")]
+mod python;
+pub mod warp;
+
+pub use camera::{Camera, Pinhole, Projection};
+pub use cpu::Isa;
+pub use error::{Error, Result};
+pub use grid::{BevGrid, MAX_CELLS, SampleAt};
+pub use ground::Ground;
+pub use image::{ImageView, ImageViewMut};
+pub use lut::Lut;
+pub use parallel::{num_threads, set_num_threads};
+pub use warp::{Bilinear, Interpolation, WarpOptions};

@@ -1,0 +1,87 @@
+//! Tables from a camera and a grid, from maps, and from a homography.
+
+use nalgebra::{Matrix3, Vector3};
+
+use super::{Lut, table::Table};
+use crate::camera::{Camera, check_image_size};
+use crate::error::{Error, Result};
+use crate::grid::BevGrid;
+use crate::ground::Ground;
+
+/// Smallest |det M| of a homography, as a share of its largest possible value for rows of that length.
+const SINGULAR: f64 = 1e-15;
+
+impl Lut {
+    /// The table of a bird's-eye view: each cell of the grid samples the pixel that sees its road point. Cells behind
+    /// the camera or outside its image are invalid; nothing wraps.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
+    pub fn new(camera: &Camera, grid: &BevGrid, ground: &Ground) -> Result<Self> {
+        let ys: Vec<f64> = (0..grid.columns()).map(|column| grid.y_of_column(column as f64)).collect();
+        let table = Table::build((grid.rows(), grid.columns()), camera.image_size(), |row, pixels| {
+            camera.project_ground_row(grid.x_of_row(row as f64), &ys, ground, pixels);
+        })?;
+        Ok(Self { table })
+    }
+
+    /// The table of maps as `cv2.remap` takes them: output cell i samples the source at (`map_x[i]`, `map_y[i]`); NaN
+    /// and infinite entries sample nothing. Row-major, `columns` to a row.
+    ///
+    /// # Errors
+    /// [`Error::MapLength`] where the maps differ in length or are no whole number of rows, [`Error::EmptyImage`]
+    /// where they are empty, [`Error::ImageSize`], [`Error::TooManyCells`] and [`Error::OutOfMemory`].
+    pub fn from_maps<T: Copy + Into<f64> + Sync>(
+        map_x: &[T],
+        map_y: &[T],
+        columns: usize,
+        source_size: (u32, u32),
+    ) -> Result<Self> {
+        let source = check_image_size("source_size", source_size.0.into(), source_size.1.into())?;
+        let rows = map_x.len().checked_div(columns).unwrap_or(0);
+        if rows == 0 {
+            return Err(Error::EmptyImage { what: "map_x", width: columns, height: rows, channels: 1 });
+        }
+        if map_x.len() != map_y.len() || rows * columns != map_x.len() {
+            return Err(Error::MapLength { expected: map_x.len(), got: map_y.len() });
+        }
+        let table = Table::build((rows, columns), source, |row, pixels| {
+            let cells = row * columns..(row + 1) * columns;
+            for (pixel, (&u, &v)) in pixels.iter_mut().zip(map_x[cells.clone()].iter().zip(&map_y[cells])) {
+                *pixel = [u.into(), v.into()];
+            }
+        })?;
+        Ok(Self { table })
+    }
+
+    /// The table of a homography that maps output pixel (column, row, 1) to source pixel. Both signs of its third
+    /// component sample the image, because a homography's sign is arbitrary; where it is 0 there is nothing.
+    ///
+    /// # Errors
+    /// [`Error::Homography`] where the matrix is singular or not finite, [`Error::ImageSize`], [`Error::TooManyCells`]
+    /// and [`Error::OutOfMemory`].
+    pub fn from_homography(m: &Matrix3<f64>, size: (u32, u32), source_size: (u32, u32)) -> Result<Self> {
+        let refuse = |problem| {
+            let got = std::array::from_fn(|row| std::array::from_fn(|column| m[(row, column)]));
+            Err(Error::Homography { got, problem })
+        };
+        if m.iter().any(|value| !value.is_finite()) {
+            return refuse("an entry is NaN or infinite");
+        }
+        let largest: f64 = m.row_iter().map(|row| row.norm()).product();
+        let det = m.determinant().abs();
+        if det.is_nan() || det <= SINGULAR * largest {
+            return refuse("its determinant is 0");
+        }
+        let size = check_image_size("size", size.0.into(), size.1.into())?;
+        let source = check_image_size("source_size", source_size.0.into(), source_size.1.into())?;
+        let table = Table::build((size.1 as usize, size.0 as usize), source, |row, pixels| {
+            let origin = m.column(1) * row as f64 + m.column(2);
+            for (column, pixel) in pixels.iter_mut().enumerate() {
+                let q: Vector3<f64> = origin + m.column(0) * column as f64;
+                *pixel = [q.x / q.z, q.y / q.z]; // division by 0 gives what is outside every image
+            }
+        })?;
+        Ok(Self { table })
+    }
+}

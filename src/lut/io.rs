@@ -1,0 +1,164 @@
+//! A table as bytes and back, for pickles. Little-endian:
+//! magic (8), rows, columns, width, height, runs, taps (`u32` each), the rows' starts (run, tap), the runs, the taps
+//! (offset `u32`, x `u16`, y `u16`).
+
+use super::Lut;
+use super::table::{RowStart, Run, RunKind, Table, Tap, reserve, unframed};
+use crate::camera::check_image_size;
+use crate::error::{Error, Result};
+use crate::grid::check_cells;
+
+const MAGIC: &[u8; 8] = b"ipm_rs\x00\x01";
+
+impl Lut {
+    /// The table as bytes, the same on every machine.
+    pub fn to_bytes(&self) -> Vec<u8> {
+        let Table { columns, source, starts, runs, taps } = &self.table;
+        let mut bytes = Vec::with_capacity(self.nbytes() + 64);
+        bytes.extend_from_slice(MAGIC);
+        for number in [self.rows() as u32, *columns as u32, source.0, source.1, runs.len() as u32, taps.len() as u32] {
+            bytes.extend_from_slice(&number.to_le_bytes());
+        }
+        for start in starts {
+            bytes.extend_from_slice(&start.run.to_le_bytes());
+            bytes.extend_from_slice(&start.tap.to_le_bytes());
+        }
+        for run in runs {
+            bytes.extend_from_slice(&run.0.to_le_bytes());
+        }
+        for tap in taps {
+            bytes.extend_from_slice(&tap.offset.to_le_bytes());
+            bytes.extend_from_slice(&tap.x.to_le_bytes());
+            bytes.extend_from_slice(&tap.y.to_le_bytes());
+        }
+        bytes
+    }
+
+    /// A table from [`Lut::to_bytes`]. Every bound that the kernels rely on is proved again, so that no bytes, however
+    /// damaged or forged, make a warp read outside an image.
+    ///
+    /// # Errors
+    /// [`Error::DamagedTable`], and [`Error::OutOfMemory`].
+    pub fn from_bytes(bytes: &[u8]) -> Result<Self> {
+        let damaged = |problem| Error::DamagedTable { problem };
+        let body = bytes.strip_prefix(MAGIC).ok_or(damaged("no table of this version begins so"))?;
+        let (header, body) = body.split_first_chunk::<24>().ok_or(damaged("the header is cut short"))?;
+        let number = |index: usize| le_u32(&header[4 * index..]);
+        let (rows, columns) = (number(0) as usize, number(1) as usize);
+        let source = check_image_size("source_size", number(2).into(), number(3).into())
+            .map_err(|_| damaged("its source size is impossible"))?;
+        let (runs, taps) = (number(4) as usize, number(5) as usize);
+        if rows == 0 || columns == 0 || check_cells("Lut", rows as f64, columns as f64).is_err() {
+            return Err(damaged("its shape is impossible"));
+        }
+        // u64: none of these can overflow, and nothing is allocated before the length is known to be right
+        let length = 8 * (rows as u64 + 1) + 4 * runs as u64 + 8 * taps as u64;
+        if body.len() as u64 != length {
+            return Err(damaged("its length does not fit its header"));
+        }
+        let (start_bytes, body) = body.split_at(8 * (rows + 1));
+        let (run_bytes, tap_bytes) = body.split_at(4 * runs);
+        let mut table = Table { columns, source, starts: Vec::new(), runs: Vec::new(), taps: Vec::new() };
+        reserve(&mut table.starts, rows + 1)?;
+        reserve(&mut table.runs, runs)?;
+        reserve(&mut table.taps, taps)?;
+        table
+            .starts
+            .extend(start_bytes.chunks_exact(8).map(|bytes| RowStart { run: le_u32(bytes), tap: le_u32(&bytes[4..]) }));
+        table.runs.extend(run_bytes.chunks_exact(4).map(|bytes| Run(le_u32(bytes))));
+        table.taps.extend(tap_bytes.chunks_exact(8).map(|bytes| Tap {
+            offset: le_u32(bytes),
+            x: u16::from_le_bytes([bytes[4], bytes[5]]),
+            y: u16::from_le_bytes([bytes[6], bytes[7]]),
+        }));
+        check(&table).map_err(damaged)?;
+        Ok(Self { table })
+    }
+}
+
+/// Proves what [`Table`] promises.
+fn check(table: &Table) -> Result<(), &'static str> {
+    let ends = (table.starts[0], table.starts[table.starts.len() - 1]);
+    let all = RowStart { run: table.runs.len() as u32, tap: table.taps.len() as u32 };
+    if ends != (RowStart::default(), all) {
+        return Err("its rows do not cover its runs");
+    }
+    for pair in table.starts.windows(2) {
+        let (Some(runs), Some(taps)) =
+            (table.runs.get(pair[0].run as usize..pair[1].run as usize), pair[1].tap.checked_sub(pair[0].tap))
+        else {
+            return Err("its rows are out of order");
+        };
+        let cells: usize = runs.iter().map(|run| run.cells()).sum();
+        let own: usize = runs.iter().map(|run| run.taps()).sum();
+        if cells != table.columns || own != taps as usize {
+            return Err("a row's runs do not cover it");
+        }
+    }
+    let taps_are_possible = (0..table.rows()).all(|row| {
+        table.row(row).all(|segment| segment.taps.iter().all(|tap| is_possible(segment.kind, *tap, table.source)))
+    });
+    if taps_are_possible { Ok(()) } else { Err("a cell samples where its kind cannot") }
+}
+
+fn is_possible(kind: RunKind, tap: Tap, (width, height): (u32, u32)) -> bool {
+    let (last_x, last_y) = (i64::from(width) - 1, i64::from(height) - 1);
+    match kind {
+        RunKind::Outside => false,
+        RunKind::Inside => i64::from(tap.offset % width) < last_x && i64::from(tap.offset / width) < last_y,
+        RunKind::Rim | RunKind::Halo => {
+            let (x, y) = unframed(tap.offset, width);
+            let on_rim = |at: i64, last: i64, fraction: u32| at >= 0 && (at < last || (at == last && fraction == 0));
+            y <= last_y + 1 && (kind == RunKind::Halo || (on_rim(x, last_x, tap.fx()) && on_rim(y, last_y, tap.fy())))
+        }
+    }
+}
+
+fn le_u32(bytes: &[u8]) -> u32 {
+    u32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn lut() -> Lut {
+        let x: Vec<f32> = (0..60).map(|i| i as f32 * 0.21 - 2.0).collect();
+        let y: Vec<f32> = (0..60).map(|i| (i / 10) as f32 * 1.1 - 1.2).collect();
+        Lut::from_maps(&x, &y, 10, (7, 4)).unwrap()
+    }
+
+    #[test]
+    fn there_and_back() {
+        assert_eq!(Lut::from_bytes(&lut().to_bytes()).unwrap(), lut());
+    }
+
+    #[test]
+    fn every_flipped_bit_and_every_cut_is_refused_or_harmless() {
+        let bytes = lut().to_bytes();
+        let image = vec![7u8; 7 * 4];
+        let view = crate::ImageView::new(&image, (7, 4), 1).unwrap();
+        let (mut refused, mut harmless) = (0, 0);
+        for bit in 0..bytes.len() * 8 {
+            let mut damaged = bytes.clone();
+            damaged[bit / 8] ^= 1 << (bit % 8);
+            match Lut::from_bytes(&damaged) {
+                Ok(other) => {
+                    // another table, but one that keeps its promises: scalar kernels check every index
+                    let size_as_built = other.source_size() == (7, 4);
+                    let bev = other.warp(&view, &crate::WarpOptions::default());
+                    assert_eq!(bev.is_ok(), size_as_built);
+                    harmless += 1;
+                }
+                Err(error) => {
+                    assert!(matches!(error, Error::DamagedTable { .. }), "{error}");
+                    refused += 1;
+                }
+            }
+        }
+        assert!(refused > 500 && harmless > 100, "{refused} {harmless}");
+        for length in 0..bytes.len() {
+            assert!(Lut::from_bytes(&bytes[..length]).is_err());
+        }
+    }
+}

@@ -1,0 +1,56 @@
+//! The look-up table between a grid and an image: built once, used for every frame.
+
+mod build;
+mod io;
+mod maps;
+pub(crate) mod table;
+
+use table::Table;
+
+/// For every cell of an output grid, where on a source image it samples: immutable, comparable, cheap to share.
+///
+/// One table serves images of any dtype, channel count and row stride, nearest and bilinear; see
+/// [`Lut::warp_into`](crate::Lut::warp_into).
+#[derive(Clone, PartialEq)]
+pub struct Lut {
+    table: Table,
+}
+
+impl Lut {
+    /// Rows of the output.
+    pub fn rows(&self) -> usize {
+        self.table.rows()
+    }
+
+    /// Columns of the output.
+    pub fn columns(&self) -> usize {
+        self.table.columns()
+    }
+
+    /// (width, height) of the images it is for.
+    pub fn source_size(&self) -> (u32, u32) {
+        self.table.source()
+    }
+
+    /// Bytes that the table holds.
+    pub fn nbytes(&self) -> usize {
+        self.table.nbytes()
+    }
+
+    pub(crate) fn table(&self) -> &Table {
+        &self.table
+    }
+}
+
+impl std::fmt::Debug for Lut {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let (width, height) = self.source_size();
+        write!(
+            f,
+            "Lut({} x {} cells from {width} x {height} pixels, {} bytes)",
+            self.rows(),
+            self.columns(),
+            self.nbytes()
+        )
+    }
+}
