@@ -14,6 +14,12 @@ pub enum Error {
         /// The offending number.
         got: f64,
     },
+    /// A road height that is NaN or infinite.
+    #[error("ground: expected a finite height in metres, got {got}")]
+    Ground {
+        /// The height that came.
+        got: f64,
+    },
     /// An intrinsic matrix that is no pinhole matrix.
     #[error(
         "K: expected [[fx, skew, cx], [0, fy, cy], [0, 0, 1]] with finite entries and fx, fy > 0, got {got:?} ({problem})"

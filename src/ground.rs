@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use crate::error::{Result, finite};
+use crate::error::{Error, Result};
 
 /// The road surface in the vehicle frame, metres.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -14,9 +14,9 @@ impl Ground {
     /// The horizontal plane z = `height`.
     ///
     /// # Errors
-    /// [`Error::NotFinite`](crate::Error::NotFinite).
+    /// [`Error::Ground`].
     pub fn height(height: f64) -> Result<Self> {
-        Ok(Self { height: finite("ground", height)? })
+        if height.is_finite() { Ok(Self { height }) } else { Err(Error::Ground { got: height }) }
     }
 
     /// z of the road at (x, y).

@@ -94,14 +94,12 @@ impl<'a, T> ImageView<'a, T> {
     }
 }
 
-/// A writable image: rows in order, `row_stride` samples apart, that do not overlap.
+/// A writable image: its rows, each a slice of its own, so that whatever lies between them is never touched.
 #[derive(Debug)]
 pub struct ImageViewMut<'a, T> {
-    data: &'a mut [T],
+    rows: Vec<&'a mut [T]>,
     width: usize,
-    height: usize,
     channels: usize,
-    row_stride: usize,
 }
 
 impl<'a, T> ImageViewMut<'a, T> {
@@ -110,52 +108,45 @@ impl<'a, T> ImageViewMut<'a, T> {
     /// # Errors
     /// [`Error::EmptyImage`] and [`Error::ImageBuffer`].
     pub fn new(data: &'a mut [T], (width, height): (usize, usize), channels: usize) -> Result<Self> {
-        Self::with_row_stride(data, (width, height), channels, width.saturating_mul(channels))
+        check_not_empty("out", width, height, channels)?;
+        let length = data.len();
+        let row_length = width.saturating_mul(channels);
+        if row_length.checked_mul(height) != Some(length) {
+            let row_stride = isize::try_from(row_length).unwrap_or(isize::MAX);
+            return Err(Error::ImageBuffer { what: "out", width, height, channels, row_stride, length });
+        }
+        Self::from_rows(data.chunks_exact_mut(row_length).collect(), width, channels)
     }
 
-    /// An image whose row y begins at `data[y * row_stride]`.
+    /// An image of rows that lie anywhere, each of `width * channels` samples.
     ///
     /// # Errors
-    /// [`Error::EmptyImage`] and [`Error::ImageBuffer`].
-    pub fn with_row_stride(
-        data: &'a mut [T],
-        (width, height): (usize, usize),
-        channels: usize,
-        row_stride: usize,
-    ) -> Result<Self> {
+    /// [`Error::EmptyImage`], and [`Error::ImageBuffer`] where a row has another length.
+    pub fn from_rows(rows: Vec<&'a mut [T]>, width: usize, channels: usize) -> Result<Self> {
+        let height = rows.len();
         check_not_empty("out", width, height, channels)?;
-        let row_length = width.checked_mul(channels);
-        let needed = row_length.and_then(|length| (height - 1).checked_mul(row_stride)?.checked_add(length));
-        match (row_length, needed) {
-            (Some(length), Some(needed)) if length <= row_stride && needed <= data.len() => {
-                Ok(Self { data, width, height, channels, row_stride })
-            }
-            _ => Err(Error::ImageBuffer {
+        let row_length = width.saturating_mul(channels);
+        match rows.iter().find(|row| row.len() != row_length) {
+            None => Ok(Self { rows, width, channels }),
+            Some(row) => Err(Error::ImageBuffer {
                 what: "out",
                 width,
                 height,
                 channels,
-                row_stride: isize::try_from(row_stride).unwrap_or(isize::MAX),
-                length: data.len(),
+                row_stride: isize::try_from(row_length).unwrap_or(isize::MAX),
+                length: row.len(),
             }),
         }
     }
 
     /// (rows, columns, channels).
     pub(crate) fn shape(&self) -> (usize, usize, usize) {
-        (self.height, self.width, self.channels)
+        (self.rows.len(), self.width, self.channels)
     }
 
-    /// The rows in bands of `rows_per_band`: (first row, its rows), each row without its padding.
-    pub(crate) fn bands(
-        &mut self,
-        rows_per_band: usize,
-    ) -> impl Iterator<Item = (usize, impl Iterator<Item = &mut [T]>)> {
-        let (height, row_length, stride) = (self.height, self.width * self.channels, self.row_stride);
-        let end = (height - 1) * stride + row_length; // the last row's padding need not exist
-        self.data[..end].chunks_mut(stride * rows_per_band).enumerate().map(move |(band, samples)| {
-            (band * rows_per_band, samples.chunks_mut(stride).map(move |row| &mut row[..row_length]))
-        })
+    /// The rows in bands: (first row, its rows).
+    pub(crate) fn bands(&mut self, rows_per_band: usize) -> impl Iterator<Item = (usize, &mut [&'a mut [T]])> {
+        self.rows.chunks_mut(rows_per_band).enumerate().map(move |(band, rows)| (band * rows_per_band, rows))
     }
 }
 
@@ -196,23 +187,24 @@ mod tests {
         }
         assert!(matches!(ImageView::new(&data, (0, 4), 1), Err(Error::EmptyImage { .. })));
         let mut data = [0u8; 24];
-        assert!(ImageViewMut::with_row_stride(&mut data, (3, 4), 2, 5).is_err(), "overlapping rows");
-        assert!(ImageViewMut::with_row_stride(&mut data, (3, 4), 1, 7).is_ok(), "no padding after the last row");
-        assert!(ImageViewMut::with_row_stride(&mut data, (3, 4), 1, 8).is_err());
+        assert!(ImageViewMut::new(&mut data, (3, 4), 2).is_ok());
+        assert!(matches!(ImageViewMut::new(&mut data, (3, 5), 2), Err(Error::ImageBuffer { .. })));
+        assert!(matches!(ImageViewMut::new(&mut data, (0, 5), 2), Err(Error::EmptyImage { .. })));
+        let rows = data.chunks_mut(7).collect();
+        assert!(matches!(ImageViewMut::from_rows(rows, 7, 1), Err(Error::ImageBuffer { length: 3, .. })));
     }
 
     #[test]
-    fn bands_cover_every_row_once_and_no_padding() {
-        let mut data = [0u8; 5 * 7 - 1];
-        let mut image = ImageViewMut::with_row_stride(&mut data, (6, 5), 1, 7).unwrap();
+    fn bands_cover_every_row_once() {
+        let mut data = [0u8; 5 * 7];
+        let mut image = ImageViewMut::new(&mut data, (7, 5), 1).unwrap();
         for (first, rows) in image.bands(2) {
             for (row, samples) in (first..).zip(rows) {
                 samples.fill(row as u8 + 1);
             }
         }
         for (index, &value) in data.iter().enumerate() {
-            let expected = if index % 7 == 6 { 0 } else { index / 7 + 1 };
-            assert_eq!(usize::from(value), expected, "{index}");
+            assert_eq!(usize::from(value), index / 7 + 1);
         }
     }
 }

@@ -33,7 +33,7 @@ mod python;
 pub mod warp;
 
 pub use camera::{Camera, Pinhole, Projection};
-pub use cpu::Isa;
+pub use cpu::{Isa, cpu_features};
 pub use error::{Error, Result};
 pub use grid::{BevGrid, MAX_CELLS, SampleAt};
 pub use ground::Ground;

@@ -7,7 +7,7 @@ pub use pinhole::Pinhole;
 use nalgebra::{Matrix3, Vector3};
 
 use crate::error::{Error, Result, finite};
-use crate::geometry::{OPTICAL_FROM_FLU, Pose, rotation_from_euler};
+use crate::geometry::{OPTICAL_FROM_FLU, Pose, euler_from_rotation, rotation_from_euler};
 use crate::ground::Ground;
 
 /// Where a point falls on the image.
@@ -179,6 +179,35 @@ impl Camera {
     }
 }
 
+/// Where it stands and looks, in metres and degrees.
+impl std::fmt::Display for Camera {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let (width, height) = self.image_size;
+        let k = self.intrinsics();
+        let position = self.position();
+        let (roll, pitch, yaw) = euler_from_rotation(&(self.vehicle_from_camera.rotation() * OPTICAL_FROM_FLU));
+        let turned = |angle: f64, positive, negative| {
+            let degrees = angle.to_degrees();
+            // what prints as 0.00 has no side
+            format!("{:.2} deg {}", degrees.abs(), if degrees < -0.005 { negative } else { positive })
+        };
+        write!(
+            f,
+            "Camera({width}x{height}, fx {:.2}, fy {:.2}, cx {:.2}, cy {:.2}, at x {:.3}, y {:.3}, z {:.3} m, looks {}, {}, {})",
+            k[(0, 0)],
+            k[(1, 1)],
+            k[(0, 2)],
+            k[(1, 2)],
+            position.x,
+            position.y,
+            position.z,
+            turned(pitch, "down", "up"),
+            turned(yaw, "to the left", "to the right"),
+            turned(roll, "left side up", "right side up"),
+        )
+    }
+}
+
 /// Refuses an image with no pixels, and one whose pixels with a frame of one pixel around do not fit 32 bits: tables
 /// address them so.
 pub(crate) fn check_image_size(what: &'static str, width: u64, height: u64) -> Result<(u32, u32)> {
@@ -254,6 +283,13 @@ mod tests {
             assert!((back[0] - pixel[0]).abs() < 1e-8 && (back[1] - pixel[1]).abs() < 1e-8);
         }
         assert_eq!(camera.ground_from_pixel([1024.0, 200.0], &ground), None, "above the horizon");
+    }
+
+    #[test]
+    fn says_where_it_stands_and_looks() {
+        let text = seed().to_string();
+        assert!(text.contains("at x 1.700, y 0.026, z 1.212 m"), "{text}");
+        assert!(text.contains("looks 2.20 deg down, 0.56 deg to the right"), "{text}");
     }
 
     #[test]

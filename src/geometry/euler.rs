@@ -23,6 +23,16 @@ pub fn rotation_from_euler(roll: f64, pitch: f64, yaw: f64) -> Matrix3<f64> {
     )
 }
 
+/// (roll, pitch, yaw) of a rotation: undoes [`rotation_from_euler`] for pitches between -90 and 90 degrees. Looking
+/// straight up or down, roll and yaw are not told apart and roll is 0.
+pub fn euler_from_rotation(rotation: &Matrix3<f64>) -> (f64, f64, f64) {
+    let pitch = (-rotation[(2, 0)]).clamp(-1.0, 1.0).asin();
+    if rotation[(2, 1)].hypot(rotation[(2, 2)]) < 1e-12 {
+        return (0.0, pitch, (-rotation[(0, 1)]).atan2(rotation[(1, 1)]));
+    }
+    (rotation[(2, 1)].atan2(rotation[(2, 2)]), pitch, rotation[(1, 0)].atan2(rotation[(0, 0)]))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -42,5 +52,16 @@ mod tests {
         assert!((rotation_from_euler(0.0, 0.1, 0.0) * Vector3::x()).z < 0.0);
         assert!((rotation_from_euler(0.0, 0.0, 0.1) * Vector3::x()).y > 0.0);
         assert!((rotation_from_euler(0.1, 0.0, 0.0) * Vector3::y()).z > 0.0);
+    }
+
+    #[test]
+    fn angles_come_back() {
+        for (roll, pitch, yaw) in [(0.1, 0.2, 0.3), (-3.0, -1.5, 2.9), (0.0, 0.0, 0.0)] {
+            let (r, p, y) = euler_from_rotation(&rotation_from_euler(roll, pitch, yaw));
+            assert!((r - roll).abs() < 1e-12 && (p - pitch).abs() < 1e-12 && (y - yaw).abs() < 1e-12);
+        }
+        let down = rotation_from_euler(0.3, std::f64::consts::FRAC_PI_2, 0.5);
+        let (roll, pitch, yaw) = euler_from_rotation(&down);
+        assert!((rotation_from_euler(roll, pitch, yaw) - down).abs().max() < 1e-12);
     }
 }

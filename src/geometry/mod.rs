@@ -4,9 +4,10 @@ mod euler;
 mod handedness;
 mod pose;
 
-pub use euler::rotation_from_euler;
+pub use euler::{euler_from_rotation, rotation_from_euler};
 pub use handedness::{flip_handedness_euler, flip_handedness_point, flip_handedness_pose, flip_handedness_rotation};
 pub use pose::Pose;
+#[cfg(feature = "python")]
 pub(crate) use pose::check_rotation;
 
 use nalgebra::Matrix3;

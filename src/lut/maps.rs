@@ -75,8 +75,7 @@ mod tests {
 
     #[test]
     fn float32_coordinates_keep_the_nearest_pixel_and_stay_close() {
-        for (u, columns) in [(1500.499_999_9_f64, 2048), (1501.499_999_9, 2048), (1500.500_000_1, 2048), (3.4999999, 8)]
-        {
+        for (u, columns) in [(1500.4999999_f64, 2048), (1501.4999999, 2048), (1500.5000001, 2048), (3.4999999, 8)] {
             let lut = Lut::from_maps(&[u, u], &[0.0, 0.0], 2, (columns, 4)).unwrap();
             let (map_x, _) = lut.maps(f32::NAN);
             assert_eq!(map_x[0].round_ties_even(), u.round_ties_even() as f32, "{u}");

@@ -1,1 +1,73 @@
-//! tmp
+//! The Python face: converts arguments, releases the GIL, delegates, maps errors. Nothing is computed here.
+//!
+//! | Python | Rust |
+//! |---|---|
+//! | image `(H, W)` or `(H, W, C)`, any row stride | [`ImageView`](crate::ImageView) of the array's own memory |
+//! | `out` | [`ImageViewMut`](crate::ImageViewMut), a slice for each row |
+//! | points `(N, k)`, matrices, anything array-like of real numbers | float64, converted by NumPy |
+//! | `(width, height)` | `(u32, u32)` |
+//! | [`Error`](crate::Error) | a class of `ipm_rs.errors`, see [`error`] |
+//!
+//! Arguments arrive as `PyAny` and are checked by hand: a `PyReadonlyArray` in a signature panics where one array is
+//! passed twice, and its messages name no dtype. Every call that loops over points or cells releases the GIL; NumPy
+//! arrays stay borrowed meanwhile, which other users of rust-numpy see, while Python code that writes to an input from
+//! another thread does so at its own risk, as with NumPy itself.
+
+mod camera;
+mod convert;
+mod error;
+mod geometry;
+mod grid;
+mod image;
+mod lut;
+mod options;
+
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+#[pymodule]
+#[pyo3(name = "_core")]
+mod core_module {
+    #[pymodule_export]
+    use super::camera::PyCamera;
+    #[pymodule_export]
+    use super::geometry::{
+        flip_handedness, flip_handedness_euler, flip_handedness_pose, flip_handedness_rotation, rotation_from_euler,
+    };
+    #[pymodule_export]
+    use super::grid::PyBevGrid;
+    #[pymodule_export]
+    use super::lut::PyLut;
+    #[pymodule_export]
+    use super::{cpu_info, get_num_threads, set_num_threads};
+
+    #[pymodule_export]
+    #[expect(non_upper_case_globals, reason = "Python's name for a version")]
+    const __version__: &str = env!("CARGO_PKG_VERSION");
+}
+
+/// How many threads a call uses when it does not say.
+#[pyfunction]
+fn get_num_threads() -> usize {
+    crate::num_threads()
+}
+
+/// Sets how many threads a call uses when it does not say.
+#[pyfunction]
+fn set_num_threads(n: &Bound<'_, PyAny>) -> PyResult<()> {
+    Ok(crate::set_num_threads(options::thread_count("n", n)?)?)
+}
+
+/// The build, the CPU and the threads: what a bug report needs.
+#[pyfunction]
+fn cpu_info(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
+    let info = PyDict::new(py);
+    info.set_item("version", env!("CARGO_PKG_VERSION"))?;
+    info.set_item("isa", crate::Isa::active()?.name())?;
+    info.set_item("available_isas", crate::Isa::available().iter().map(|isa| isa.name()).collect::<Vec<_>>())?;
+    info.set_item("cpu_features", crate::cpu_features())?;
+    info.set_item("threads", crate::num_threads())?;
+    info.set_item("platform", format!("{}-{}", std::env::consts::ARCH, std::env::consts::OS))?;
+    info.set_item("build", if cfg!(debug_assertions) { "debug" } else { "release" })?;
+    Ok(info)
+}

@@ -7,6 +7,7 @@ pub mod reference;
 pub use kernels::Bilinear;
 pub use options::{Interpolation, WarpOptions};
 
+use crate::cpu::Isa;
 use crate::error::{Error, Result};
 use crate::image::{ImageView, ImageViewMut};
 use crate::lut::Lut;
@@ -24,7 +25,7 @@ impl Lut {
     /// # Errors
     /// Those of [`Lut::warp_into`], and [`Error::OutOfMemory`].
     pub fn warp<T: Bilinear>(&self, image: &ImageView<'_, T>, options: &WarpOptions<T>) -> Result<Vec<T>> {
-        check_input(self, image, options)?;
+        self.check_image(image, options)?;
         let samples = self.rows() * self.columns() * image.channels();
         let mut out = Vec::new();
         out.try_reserve_exact(samples)
@@ -53,6 +54,23 @@ impl Lut {
         run(self, image, out, options, kernels)
     }
 
+    /// Whether an image and options fit this table: what a warp checks first.
+    ///
+    /// # Errors
+    /// [`Error::SizeMismatch`], [`Error::BorderChannels`] and [`Error::Threads`].
+    pub fn check_image<T>(&self, image: &ImageView<'_, T>, options: &WarpOptions<T>) -> Result<()> {
+        let source = self.source_size();
+        let expected = (source.0 as usize, source.1 as usize);
+        if (image.width(), image.height()) != expected {
+            return Err(Error::SizeMismatch { expected, got: (image.width(), image.height()) });
+        }
+        let values = options.border_value.len();
+        if values != 1 && values != image.channels() {
+            return Err(Error::BorderChannels { expected: image.channels(), got: values });
+        }
+        options.threads.map_or(Ok(()), parallel::check_threads)
+    }
+
     /// Nearest for samples of any kind, also those without arithmetic; `options.interpolation` is not looked at.
     ///
     /// # Errors
@@ -67,19 +85,6 @@ impl Lut {
     }
 }
 
-fn check_input<T>(lut: &Lut, image: &ImageView<'_, T>, options: &WarpOptions<T>) -> Result<()> {
-    let source = lut.source_size();
-    let expected = (source.0 as usize, source.1 as usize);
-    if (image.width(), image.height()) != expected {
-        return Err(Error::SizeMismatch { expected, got: (image.width(), image.height()) });
-    }
-    let values = options.border_value.len();
-    if values != 1 && values != image.channels() {
-        return Err(Error::BorderChannels { expected: image.channels(), got: values });
-    }
-    options.threads.map_or(Ok(()), parallel::check_threads)
-}
-
 fn run<T: Copy + Send + Sync>(
     lut: &Lut,
     image: &ImageView<'_, T>,
@@ -87,7 +92,8 @@ fn run<T: Copy + Send + Sync>(
     options: &WarpOptions<T>,
     kernels: RowKernels<T>,
 ) -> Result<()> {
-    check_input(lut, image, options)?;
+    Isa::active()?;
+    lut.check_image(image, options)?;
     let (rows, columns) = (lut.rows(), lut.columns());
     let expected = (rows, columns, image.channels());
     if out.shape() != expected {

@@ -1,0 +1,418 @@
+"""The Rust core. Import its names from `ipm_rs`."""
+
+from os import PathLike
+from typing import Any, Literal, SupportsIndex, TypedDict, final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from collections.abc import Mapping, Sequence
+
+__version__: str
+
+class _CpuInfo(TypedDict):
+    version: str
+    isa: str
+    available_isas: list[str]
+    cpu_features: list[str]
+    threads: int
+    platform: str
+    build: str
+
+@final
+class Camera:
+    """A calibrated camera: intrinsics, image size and pose. Immutable, comparable, hashable, picklable.
+
+    Frames: vehicle ISO 8855 (x forward, y left, z up), camera optical (x right, y down, z forward), metres; pixel (0, 0)
+    is the centre of the top-left pixel.
+    """
+
+    def __new__(
+        cls,
+        K: ArrayLike,
+        *,
+        image_size: Sequence[int],
+        camera_from_vehicle: ArrayLike | None = None,
+        vehicle_from_camera: ArrayLike | None = None,
+        lens: None = None,
+    ) -> Camera:
+        """A camera from its intrinsic matrix and its pose.
+
+        Args:
+            K: (3, 3), `[[fx, skew, cx], [0, fy, cy], [0, 0, 1]]` in pixels. Corner-based principal points (CARLA's
+                w / 2) lose 0.5 first.
+            image_size: (width, height) in pixels.
+            camera_from_vehicle: (4, 4) rigid transform to the optical frame, `p_cam = R p_veh + t`; kept as given.
+            vehicle_from_camera: the inverse, for who has that. With neither, the camera stands at the origin and looks
+                along +x.
+            lens: None, a pinhole.
+
+        Raises:
+            CalibrationError: K is no pinhole matrix, or the pose is not rigid (|R^T R - I| <= 1e-4, det R > 0).
+            ArgumentError, ArgumentTypeError: a shape, a size or a type is wrong.
+        """
+    @classmethod
+    def from_euler(
+        cls,
+        K: ArrayLike,
+        *,
+        image_size: Sequence[int],
+        position: Sequence[float] = (0.0, 0.0, 0.0),
+        roll: float = 0.0,
+        pitch: float = 0.0,
+        yaw: float = 0.0,
+        lens: None = None,
+    ) -> Camera:
+        """A camera from where it stands and how it is turned.
+
+        `R = (Rz(yaw) Ry(pitch) Rx(roll))^T`, `t = -R position`, then the optical axes `camX = -Y, camY = -Z, camZ = X`.
+        Source: Cityscapes csCalibration.pdf, ISO 8855.
+
+        Args:
+            K: (3, 3) intrinsic matrix in pixels.
+            image_size: (width, height) in pixels.
+            position: (x, y, z) of the optical centre in the vehicle frame, metres.
+            roll: radians; positive lifts the left side.
+            pitch: radians; positive looks down.
+            yaw: radians; positive turns left.
+            lens: None, a pinhole.
+
+        Raises:
+            CalibrationError: a number is not finite, or K is no pinhole matrix.
+        """
+    @classmethod
+    def from_cityscapes(
+        cls, source: str | PathLike[str] | Mapping[str, Any], *, image_size: Sequence[int] = (2048, 1024)
+    ) -> Camera:
+        """A camera from a Cityscapes `*_camera.json`, or the same as a dict; see `ipm_rs.calibration.cityscapes.read`.
+
+        Args:
+            source: path, or mapping with keys nested in "extrinsic" and "intrinsic" or flat.
+            image_size: (width, height); the files do not hold it.
+
+        Raises:
+            CalibrationError: a key is missing or its value cannot be right.
+            FileError, MissingFileError: the file cannot be read.
+        """
+    @property
+    def intrinsics(self) -> NDArray[np.float64]:
+        """K, (3, 3) float64, pixels."""
+    @property
+    def lens(self) -> None:
+        """The lens model beyond the pinhole; None for a pinhole."""
+    @property
+    def image_size(self) -> tuple[int, int]:
+        """(width, height) in pixels."""
+    @property
+    def camera_from_vehicle(self) -> NDArray[np.float64]:
+        """(4, 4) float64, `p_cam = R p_veh + t`, as given."""
+    @property
+    def vehicle_from_camera(self) -> NDArray[np.float64]:
+        """(4, 4) float64, the inverse of `camera_from_vehicle`."""
+    @property
+    def position(self) -> NDArray[np.float64]:
+        """The optical centre in the vehicle frame, (3,) float64, metres."""
+    def project(
+        self, points: ArrayLike, *, ground: float | None = None
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
+        """Points of the vehicle frame to pixels.
+
+        Args:
+            points: (N, 3) in metres, or (N, 2) on the road.
+            ground: height of the road for (N, 2) points, 0 if not given; refused with (N, 3).
+
+        Returns:
+            uv: (N, 2) float64 pixels; NaN only where a point has no image (behind the camera, not finite).
+            depth: (N,) float64, z in the camera frame, metres.
+            valid: (N,) bool, in front of the camera and inside the rectangle of pixel centres.
+
+        Raises:
+            ArgumentError, ArgumentTypeError: the shape or the type is wrong.
+        """
+    def ground_from_pixels(self, uv: ArrayLike, *, ground: float = 0.0) -> NDArray[np.float64]:
+        """Pixels to the road points that they see.
+
+        Args:
+            uv: (N, 2) pixels, also outside the image.
+            ground: height of the road, metres.
+
+        Returns:
+            (N, 3) float64 in the vehicle frame, metres; NaN where the ray misses the road.
+
+        Raises:
+            ArgumentError, ArgumentTypeError: the shape or the type is wrong.
+        """
+    def resized(self, width: int, height: int) -> Camera:
+        """The camera of the image resampled to width x height: `c' = (c + 0.5) s - 0.5`, `f' = s f`, per axis.
+
+        Raises:
+            ArgumentError, ArgumentTypeError: not two whole numbers of at least 1.
+        """
+    def cropped(self, x: int, y: int, width: int, height: int) -> Camera:
+        """The camera of `image[y:y + height, x:x + width]`: only the principal point moves.
+
+        Raises:
+            ArgumentError, ArgumentTypeError: the rectangle is empty or leaves the image.
+        """
+    def with_pose(self, camera_from_vehicle: ArrayLike) -> Camera:
+        """The same camera elsewhere.
+
+        Args:
+            camera_from_vehicle: (4, 4) rigid transform to the optical frame.
+
+        Raises:
+            CalibrationError: it is not rigid.
+        """
+    def __eq__(self, other: object, /) -> bool: ...
+    def __ne__(self, other: object, /) -> bool: ...
+    def __hash__(self) -> int: ...
+    def __getnewargs_ex__(self) -> tuple[tuple[NDArray[np.float64]], dict[str, Any]]: ...
+
+@final
+class BevGrid:
+    """A rectangle of equal cells on the road. Immutable, comparable, hashable, picklable.
+
+    Row 0 is the farthest (x max), column 0 the leftmost (y max). Cell (i, j) samples
+    `X = x_max - (i + s) dx`, `Y = y_max - (j + s) dy` with s = 0.5 for "center" and 0 for "corner".
+    """
+
+    def __new__(
+        cls,
+        *,
+        x: Sequence[float],
+        y: Sequence[float],
+        resolution: float | Sequence[float],
+        sample_at: Literal["center", "corner"] = "center",
+    ) -> BevGrid:
+        """A grid from its ranges and its cell size.
+
+        Args:
+            x: (min, max) along x, metres, forward.
+            y: (min, max) along y, metres, left.
+            resolution: cell size in metres, or (along x, along y).
+            sample_at: which point of a cell is looked up; "corner" (far left) is the sampling of the widely copied
+                tutorials.
+
+        Raises:
+            GridError: a range is reversed, empty, not finite or no whole number of cells (to 1e-6; the message names
+                the nearest that is), a cell size is not positive, or there are more than 2^28 cells.
+        """
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(rows, columns)."""
+    @property
+    def x(self) -> tuple[float, float]:
+        """(min, max) along x, metres."""
+    @property
+    def y(self) -> tuple[float, float]:
+        """(min, max) along y, metres."""
+    @property
+    def resolution(self) -> tuple[float, float]:
+        """Cell size (along x, along y), metres."""
+    @property
+    def sample_at(self) -> Literal["center", "corner"]:
+        """Which point of a cell is looked up."""
+    def xy(self) -> NDArray[np.float64]:
+        """The road points of all samples: (rows, columns, 2) float64, (x, y) in metres."""
+    def cell_from_ground(self, xy: ArrayLike) -> NDArray[np.float64]:
+        """Road points to cells.
+
+        Args:
+            xy: (N, 2) in metres.
+
+        Returns:
+            (N, 2) float64 (row, column), whole at the samples, also outside the grid.
+        """
+    def ground_from_cell(self, rc: ArrayLike) -> NDArray[np.float64]:
+        """Cells to road points: the inverse of `cell_from_ground`.
+
+        Args:
+            rc: (N, 2) (row, column), also fractional.
+
+        Returns:
+            (N, 2) float64 (x, y) in metres.
+        """
+    def __eq__(self, other: object, /) -> bool: ...
+    def __ne__(self, other: object, /) -> bool: ...
+    def __hash__(self) -> int: ...
+    def __getnewargs_ex__(self) -> tuple[tuple[()], dict[str, Any]]: ...
+
+@final
+class Lut:
+    """Where every cell of a bird's-eye view samples the image: built once, used for every frame.
+
+    Immutable, comparable, picklable; one table serves images of every dtype, channel count and row stride, from several
+    threads at once.
+    """
+
+    def __new__(cls, camera: Camera, grid: BevGrid, *, ground: float = 0.0) -> Lut:
+        """The table of a camera and a grid.
+
+        Cells behind the camera or outside its image are invalid; nothing wraps.
+
+        Args:
+            camera: the camera.
+            grid: the grid on the road.
+            ground: height of the road in the vehicle frame, metres. It is not 0 in every dataset.
+
+        Raises:
+            OutOfMemoryError: there is not enough memory for the table.
+        """
+    @classmethod
+    def from_maps(
+        cls, map_x: NDArray[np.floating[Any]], map_y: NDArray[np.floating[Any]], *, source_size: Sequence[int]
+    ) -> Lut:
+        """A table from maps as `cv2.remap` takes them: cell (i, j) samples (map_x[i, j], map_y[i, j]).
+
+        Args:
+            map_x: (rows, columns) float32 or float64, source columns in pixels; NaN and infinity are no image.
+            map_y: the same for source rows.
+            source_size: (width, height) of the images that it is for.
+
+        Raises:
+            LutError, DtypeError: shapes or dtypes are wrong or differ.
+        """
+    @classmethod
+    def from_homography(cls, M: ArrayLike, *, size: Sequence[int], source_size: Sequence[int]) -> Lut:
+        """A table from a homography.
+
+        Args:
+            M: (3, 3), maps output pixel (column, row, 1) to source pixel, `cv2.WARP_INVERSE_MAP`'s direction. Both signs
+                of the third component sample the image: a homography's sign is arbitrary.
+            size: (width, height) of the output.
+            source_size: (width, height) of the images that it is for.
+
+        Raises:
+            LutError: M is singular or not finite.
+        """
+    def warp(
+        self,
+        image: NDArray[Any],
+        *,
+        interpolation: Literal["bilinear", "nearest"] = "bilinear",
+        border_value: float | Sequence[float] = 0,
+        out: NDArray[Any] | None = None,
+        threads: int | None = None,
+    ) -> NDArray[Any]:
+        """Warps an image to the grid: a bird's-eye view.
+
+        Args:
+            image: (H, W) or (H, W, C) of the table's source size, with any row stride; read without a copy.
+                Bilinear takes uint8, uint16 and float32; nearest any bool, integer or float dtype of 1, 2, 4 or 8 bytes.
+            interpolation: "bilinear" blends the four pixels around the coordinate; "nearest" copies one (halves to
+                even), so label images keep their ids.
+            border_value: what cells without an image get: a number that the dtype can hold, or one for each channel.
+                Less than one pixel outside the image, bilinear blends with it.
+            out: where to write, of the image's dtype and the result's shape, not overlapping the image.
+            threads: at most how many threads, the caller's among them; None is `get_num_threads()`. The result does not
+                depend on it.
+
+        Returns:
+            (rows, columns) or (rows, columns, C) of the image's dtype; `out` itself if that was given.
+
+        Raises:
+            ImageError: a shape, the memory layout or the image's size is wrong; out is read-only or overlaps the image.
+            DtypeError: the dtype is not taken by this interpolation, or out's differs.
+            ArgumentError, ArgumentTypeError: another argument is wrong. In every case nothing has been written.
+        """
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(rows, columns) of the output."""
+    @property
+    def source_size(self) -> tuple[int, int]:
+        """(width, height) of the images that it is for."""
+    @property
+    def nbytes(self) -> int:
+        """Bytes that the table holds; at most 12 a cell."""
+    @property
+    def mask(self) -> NDArray[np.bool_]:
+        """Which cells are valid: in front of the camera and inside the image's pixel centres. (rows, columns) bool."""
+    def maps(self, outside: float | None = None) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """The table as maps for `cv2.remap` and its like.
+
+        Args:
+            outside: what cells without an image get; None is NaN.
+
+        Returns:
+            (map_x, map_y), each (rows, columns) float32: source pixels of valid cells and of those less than one pixel
+            outside the image. `cv2.remap(image, *lut.maps(outside=-9))` gives `lut.warp(image)` to one grey level.
+        """
+    @classmethod
+    def _from_bytes(cls, data: bytes) -> Lut: ...
+    def __eq__(self, other: object, /) -> bool: ...
+    def __ne__(self, other: object, /) -> bool: ...
+    def __reduce__(self) -> tuple[Any, tuple[bytes]]: ...
+
+def rotation_from_euler(roll: float, pitch: float, yaw: float) -> NDArray[np.float64]:
+    """`Rz(yaw) Ry(pitch) Rx(roll)`: (3, 3) float64, turns vectors of the rotated body into its parent's frame.
+
+    Args:
+        roll: radians; positive lifts the left side.
+        pitch: radians; positive looks down.
+        yaw: radians; positive turns left.
+
+    Raises:
+        CalibrationError: an angle is not finite.
+    """
+
+def flip_handedness(points: ArrayLike) -> NDArray[np.float64]:
+    """Points (x, y, z) -> (x, -y, z): from a left-handed frame (CARLA, Unreal: y right) to ISO 8855, or back.
+
+    Args:
+        points: (N, 3).
+
+    Returns:
+        (N, 3) float64, a new array.
+    """
+
+def flip_handedness_euler(roll: float, pitch: float, yaw: float) -> tuple[float, float, float]:
+    """Euler angles (roll, pitch, yaw) -> (roll, -pitch, -yaw), in any unit; its own inverse.
+
+    The left-handed angles are CARLA's (positive pitch lifts the nose, positive yaw turns right), the right-handed those
+    of `rotation_from_euler`.
+    """
+
+def flip_handedness_rotation(R: ArrayLike) -> NDArray[np.float64]:
+    """A rotation `S R S` with `S = diag(1, -1, 1)`; its own inverse.
+
+    Args:
+        R: (3, 3) rotation.
+
+    Raises:
+        CalibrationError: it is not a rotation (a determinant of -1 means that only one of its frames is left-handed).
+    """
+
+def flip_handedness_pose(T: ArrayLike) -> NDArray[np.float64]:
+    """A pose `S T S` with `S = diag(1, -1, 1, 1)`: both of its frames change hand; its own inverse.
+
+    Args:
+        T: (4, 4) rigid transform between two frames of the same hand.
+
+    Raises:
+        CalibrationError: it is not rigid. A determinant of -1 means that one frame only is left-handed: mirror that one,
+            `T @ diag(1, -1, 1, 1)` for the source frame.
+    """
+
+def cpu_info() -> _CpuInfo:
+    """The build, the CPU and the threads: what a bug report needs.
+
+    Raises:
+        ArgumentError: the environment variable IPM_RS_ISA names an instruction set that is not available.
+    """
+
+def get_num_threads() -> int:
+    """How many threads a call uses when it does not say.
+
+    That of `set_num_threads`, else of the environment variable IPM_RS_NUM_THREADS, else the CPUs that the process may
+    use.
+    """
+
+def set_num_threads(n: SupportsIndex) -> None:
+    """Sets how many threads a call uses when it does not say.
+
+    Args:
+        n: at least 1.
+
+    Raises:
+        ArgumentError, ArgumentTypeError: it is not a whole number of at least 1.
+    """

@@ -1,0 +1,66 @@
+"""Exceptions: `IpmError` and its kin, each also the built-in exception that a caller would expect."""
+
+from __future__ import annotations
+
+__all__ = [
+    "ArgumentError",
+    "ArgumentTypeError",
+    "CalibrationError",
+    "DtypeError",
+    "FileError",
+    "GridError",
+    "ImageError",
+    "IpmError",
+    "LutError",
+    "MissingExtraError",
+    "MissingFileError",
+    "OutOfMemoryError",
+]
+
+
+class IpmError(Exception):
+    """Base of every error that this package raises on purpose."""
+
+
+class CalibrationError(IpmError, ValueError):
+    """A camera, a pose or the content of a calibration file that cannot be right."""
+
+
+class GridError(IpmError, ValueError):
+    """A range or a cell size that makes no grid."""
+
+
+class LutError(IpmError, ValueError):
+    """Maps, a homography or stored bytes that make no table."""
+
+
+class ImageError(IpmError, ValueError):
+    """An image or an output of the wrong shape, size or memory layout."""
+
+
+class ArgumentError(IpmError, ValueError):
+    """Any other argument of the right type with a wrong value."""
+
+
+class ArgumentTypeError(IpmError, TypeError):
+    """An argument of the wrong type."""
+
+
+class DtypeError(ArgumentTypeError):
+    """An array of a dtype that the operation does not take."""
+
+
+class FileError(IpmError, OSError):
+    """A file that cannot be read or written."""
+
+
+class MissingFileError(FileError, FileNotFoundError):
+    """A file that does not exist."""
+
+
+class MissingExtraError(IpmError, ImportError):
+    """An optional dependency that is not installed; the message names the extra to install."""
+
+
+class OutOfMemoryError(IpmError, MemoryError):
+    """A table or an output larger than the memory that there is."""

@@ -1,0 +1,239 @@
+//! `Camera`.
+
+use std::hash::{Hash, Hasher};
+
+use nalgebra::Vector3;
+use numpy::{PyArray1, PyArray2};
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyTuple, PyType};
+
+use super::convert::{Floats, float, floats, matrix_to_numpy, matrix3, matrix4, rows_to_numpy, size, type_name, whole};
+use super::error::classes::{ArgumentError, ArgumentTypeError, CalibrationError};
+use crate::geometry::Pose;
+use crate::{Camera, Ground, Pinhole, Projection};
+
+/// A calibrated camera: intrinsics, image size and pose.
+#[pyclass(frozen, eq, hash, module = "ipm_rs", name = "Camera")]
+#[derive(PartialEq)]
+pub(super) struct PyCamera {
+    pub(super) camera: Camera,
+}
+
+impl Hash for PyCamera {
+    fn hash<H: Hasher>(&self, state: &mut H) {
+        let pose = self.camera.camera_from_vehicle();
+        let intrinsics = self.camera.intrinsics();
+        for value in intrinsics.iter().chain(pose.rotation().iter()).chain(pose.translation().iter()) {
+            (value + 0.0).to_bits().hash(state); // 0.0 and -0.0 are equal
+        }
+        self.camera.image_size().hash(state);
+    }
+}
+
+#[pymethods]
+impl PyCamera {
+    #[new]
+    #[pyo3(signature = (K, *, image_size, camera_from_vehicle = None, vehicle_from_camera = None, lens = None))]
+    #[expect(non_snake_case, reason = "the field's name for the intrinsic matrix")]
+    fn new(
+        K: &Bound<'_, PyAny>,
+        image_size: &Bound<'_, PyAny>,
+        camera_from_vehicle: Option<&Bound<'_, PyAny>>,
+        vehicle_from_camera: Option<&Bound<'_, PyAny>>,
+        lens: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        let pose = match (camera_from_vehicle, vehicle_from_camera) {
+            (None, None) => Camera::forward_pose(),
+            (Some(matrix), None) => pose("camera_from_vehicle", matrix)?,
+            (None, Some(matrix)) => pose("vehicle_from_camera", matrix)?.inverse(),
+            (Some(_), Some(_)) => {
+                return Err(CalibrationError::new_err(
+                    "expected camera_from_vehicle or vehicle_from_camera, got both; give the one that you have",
+                ));
+            }
+        };
+        Ok(Self { camera: Camera::new(pinhole(K, lens)?, size("image_size", image_size)?, pose)? })
+    }
+
+    /// A camera from where it stands and how it is turned; radians, positive pitch looks down.
+    #[classmethod]
+    #[pyo3(
+        signature = (K, *, image_size, position = None, roll = None, pitch = None, yaw = None, lens = None),
+        text_signature = "(K, *, image_size, position=(0.0, 0.0, 0.0), roll=0.0, pitch=0.0, yaw=0.0, lens=None)"
+    )]
+    #[expect(non_snake_case, reason = "the field's name for the intrinsic matrix")]
+    #[expect(clippy::too_many_arguments, reason = "keyword-only, each with one meaning")]
+    fn from_euler(
+        _cls: &Bound<'_, PyType>,
+        K: &Bound<'_, PyAny>,
+        image_size: &Bound<'_, PyAny>,
+        position: Option<&Bound<'_, PyAny>>,
+        roll: Option<&Bound<'_, PyAny>>,
+        pitch: Option<&Bound<'_, PyAny>>,
+        yaw: Option<&Bound<'_, PyAny>>,
+        lens: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        let angle = |name, object: Option<&Bound<'_, PyAny>>| object.map_or(Ok(0.0), |object| float(name, object));
+        let position = position.map_or(Ok([0.0; 3]), |object| floats("position", "(x, y, z) in metres", object))?;
+        let (roll, pitch, yaw) = (angle("roll", roll)?, angle("pitch", pitch)?, angle("yaw", yaw)?);
+        let size = size("image_size", image_size)?;
+        Ok(Self { camera: Camera::from_euler(pinhole(K, lens)?, size, position, roll, pitch, yaw)? })
+    }
+
+    /// A camera from a Cityscapes camera file or dict.
+    #[classmethod]
+    #[pyo3(signature = (source, *, image_size = None), text_signature = "(source, *, image_size=(2048, 1024))")]
+    fn from_cityscapes<'py>(
+        cls: &Bound<'py, PyType>,
+        source: &Bound<'py, PyAny>,
+        image_size: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        // readers know files, this class knows cameras: the one upward call
+        let keywords = PyDict::new(cls.py());
+        if let Some(image_size) = image_size {
+            keywords.set_item("image_size", image_size)?;
+        }
+        cls.py().import("ipm_rs.calibration.cityscapes")?.call_method("read", (source,), Some(&keywords))
+    }
+
+    /// K, (3, 3) float64.
+    #[getter]
+    fn intrinsics<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        matrix_to_numpy(py, &self.camera.intrinsics())
+    }
+
+    /// The lens model beyond the pinhole; None for a pinhole.
+    #[getter]
+    fn lens(&self) -> Option<Py<PyAny>> {
+        None
+    }
+
+    /// (width, height) in pixels.
+    #[getter]
+    fn image_size(&self) -> (u32, u32) {
+        self.camera.image_size()
+    }
+
+    /// (4, 4) float64, as given.
+    #[getter]
+    fn camera_from_vehicle<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        matrix_to_numpy(py, &self.camera.camera_from_vehicle().matrix())
+    }
+
+    /// (4, 4) float64, the inverse of `camera_from_vehicle`.
+    #[getter]
+    fn vehicle_from_camera<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        matrix_to_numpy(py, &self.camera.vehicle_from_camera().matrix())
+    }
+
+    /// The optical centre in the vehicle frame, (3,) float64, metres.
+    #[getter]
+    fn position<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        PyArray1::from_slice(py, self.camera.position().as_slice())
+    }
+
+    /// Points of the vehicle frame to pixels, depth and validity.
+    #[pyo3(signature = (points, *, ground = None))]
+    #[expect(clippy::type_complexity, reason = "(uv, depth, valid)")]
+    fn project<'py>(
+        &self,
+        points: &Bound<'py, PyAny>,
+        ground: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<bool>>)> {
+        let py = points.py();
+        let floats = Floats::new("points", "an (N, 3) array, or (N, 2) on the ground,", points)?;
+        let on_ground = matches!(floats.shape(), [_, 2]);
+        if ground.is_some() && !on_ground {
+            return Err(ArgumentError::new_err(
+                "ground: expected only with (N, 2) points, got points that have their own height; drop one of the two",
+            ));
+        }
+        let ground = road(ground)?;
+        let projections: Vec<Projection> = if on_ground {
+            let rows = floats.rows::<2>("points")?;
+            py.detach(|| {
+                let lift = |&[x, y]: &[f64; 2]| Vector3::new(x, y, ground.height_at(x, y));
+                rows.iter().map(|row| self.camera.project(&lift(row))).collect()
+            })
+        } else {
+            let rows = floats.rows::<3>("points")?;
+            py.detach(|| rows.iter().map(|&row| self.camera.project(&Vector3::from(row))).collect())
+        };
+        let uv = rows_to_numpy(py, projections.iter().map(|projection| projection.pixel).collect())?;
+        let depth = PyArray1::from_iter(py, projections.iter().map(|projection| projection.depth));
+        let valid = PyArray1::from_iter(py, projections.iter().map(|projection| projection.valid));
+        Ok((uv, depth, valid))
+    }
+
+    /// Pixels to road points; NaN where the ray misses the road.
+    #[pyo3(signature = (uv, *, ground = None), text_signature = "(self, uv, *, ground=0.0)")]
+    fn ground_from_pixels<'py>(
+        &self,
+        uv: &Bound<'py, PyAny>,
+        ground: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let ground = road(ground)?;
+        let floats = Floats::new("uv", "an (N, 2) array", uv)?;
+        let rows = floats.rows::<2>("uv")?;
+        let points = uv.py().detach(|| {
+            let point = |&pixel| self.camera.ground_from_pixel(pixel, &ground).map_or([f64::NAN; 3], Into::into);
+            rows.iter().map(point).collect()
+        });
+        rows_to_numpy(uv.py(), points)
+    }
+
+    /// The camera of the image resampled to width x height.
+    fn resized(&self, width: &Bound<'_, PyAny>, height: &Bound<'_, PyAny>) -> PyResult<Self> {
+        Ok(Self { camera: self.camera.resized(whole("width", width)?, whole("height", height)?)? })
+    }
+
+    /// The camera of the width x height crop whose top-left pixel is (x, y).
+    fn cropped(
+        &self,
+        x: &Bound<'_, PyAny>,
+        y: &Bound<'_, PyAny>,
+        width: &Bound<'_, PyAny>,
+        height: &Bound<'_, PyAny>,
+    ) -> PyResult<Self> {
+        let (x, y) = (whole("x", x)?, whole("y", y)?);
+        Ok(Self { camera: self.camera.cropped(x, y, whole("width", width)?, whole("height", height)?)? })
+    }
+
+    /// The same camera elsewhere.
+    #[pyo3(signature = (camera_from_vehicle))]
+    fn with_pose(&self, camera_from_vehicle: &Bound<'_, PyAny>) -> PyResult<Self> {
+        Ok(Self { camera: self.camera.with_pose(pose("camera_from_vehicle", camera_from_vehicle)?) })
+    }
+
+    fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyTuple>, Bound<'py, PyDict>)> {
+        let keywords = PyDict::new(py);
+        keywords.set_item("image_size", self.image_size())?;
+        keywords.set_item("camera_from_vehicle", self.camera_from_vehicle(py)?)?;
+        Ok((PyTuple::new(py, [self.intrinsics(py)?])?, keywords))
+    }
+
+    fn __repr__(&self) -> String {
+        self.camera.to_string()
+    }
+}
+
+fn pinhole(k: &Bound<'_, PyAny>, lens: Option<&Bound<'_, PyAny>>) -> PyResult<Pinhole> {
+    if let Some(lens) = lens {
+        let got = type_name(lens);
+        let message = format!("lens: expected None, a pinhole, got {got}; this version has no other, undistort first");
+        return Err(ArgumentTypeError::new_err(message));
+    }
+    Ok(Pinhole::from_matrix(&matrix3("K", k)?)?)
+}
+
+fn pose(name: &'static str, object: &Bound<'_, PyAny>) -> PyResult<Pose> {
+    Ok(Pose::from_matrix(name, &matrix4(name, object)?)?)
+}
+
+/// The road: z = 0 where nothing is said.
+pub(super) fn road(ground: Option<&Bound<'_, PyAny>>) -> PyResult<Ground> {
+    match ground {
+        Some(height) => Ok(Ground::height(float("ground", height)?)?),
+        None => Ok(Ground::default()),
+    }
+}

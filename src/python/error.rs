@@ -1,0 +1,48 @@
+//! Which exception each error is.
+
+use pyo3::PyErr;
+
+use crate::Error;
+
+/// The classes of `ipm_rs.errors`: written in Python, so that each has two bases, pickles, and can be read.
+pub(super) mod classes {
+    use pyo3::import_exception;
+
+    import_exception!(ipm_rs.errors, ArgumentError);
+    import_exception!(ipm_rs.errors, ArgumentTypeError);
+    import_exception!(ipm_rs.errors, CalibrationError);
+    import_exception!(ipm_rs.errors, DtypeError);
+    import_exception!(ipm_rs.errors, GridError);
+    import_exception!(ipm_rs.errors, ImageError);
+    import_exception!(ipm_rs.errors, LutError);
+    import_exception!(ipm_rs.errors, OutOfMemoryError);
+}
+
+impl From<Error> for PyErr {
+    fn from(error: Error) -> Self {
+        let message = error.to_string();
+        match error {
+            Error::NotFinite { .. } | Error::Intrinsics { .. } | Error::NotRigid { .. } | Error::LastRow { .. } => {
+                classes::CalibrationError::new_err(message)
+            }
+            Error::GridRange { .. }
+            | Error::CellSize { .. }
+            | Error::PartialCell { .. }
+            | Error::TooManyCells { .. } => classes::GridError::new_err(message),
+            Error::MapLength { .. } | Error::Homography { .. } | Error::DamagedTable { .. } => {
+                classes::LutError::new_err(message)
+            }
+            Error::EmptyImage { .. }
+            | Error::ImageBuffer { .. }
+            | Error::SizeMismatch { .. }
+            | Error::OutputShape { .. } => classes::ImageError::new_err(message),
+            Error::Ground { .. }
+            | Error::ImageSize { .. }
+            | Error::Crop { .. }
+            | Error::BorderChannels { .. }
+            | Error::Threads { .. }
+            | Error::Isa { .. } => classes::ArgumentError::new_err(message),
+            Error::OutOfMemory { .. } => classes::OutOfMemoryError::new_err(message),
+        }
+    }
+}

@@ -1,0 +1,154 @@
+//! `BevGrid`.
+
+use std::hash::{Hash, Hasher};
+
+use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods};
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyTuple};
+
+use super::convert::{Floats, float, floats, rows_to_numpy, type_name};
+use super::error::classes::{ArgumentError, ArgumentTypeError};
+use crate::error::Error;
+use crate::{BevGrid, SampleAt};
+
+/// A rectangle of equal cells on the road, in metres; row 0 is the farthest, column 0 the leftmost.
+#[pyclass(frozen, eq, hash, module = "ipm_rs", name = "BevGrid")]
+#[derive(PartialEq)]
+pub(super) struct PyBevGrid {
+    pub(super) grid: BevGrid,
+}
+
+impl Hash for PyBevGrid {
+    fn hash<H: Hasher>(&self, state: &mut H) {
+        let grid = &self.grid;
+        let (x, y, resolution) = (grid.x(), grid.y(), grid.resolution());
+        for value in [x.0, x.1, y.0, y.1, resolution.0, resolution.1] {
+            (value + 0.0).to_bits().hash(state); // 0.0 and -0.0 are equal
+        }
+        grid.sample_at().hash(state);
+    }
+}
+
+#[pymethods]
+impl PyBevGrid {
+    #[new]
+    #[pyo3(
+        signature = (*, x, y, resolution, sample_at = None),
+        text_signature = "(*, x, y, resolution, sample_at='center')"
+    )]
+    fn new(
+        x: &Bound<'_, PyAny>,
+        y: &Bound<'_, PyAny>,
+        resolution: &Bound<'_, PyAny>,
+        sample_at: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        let range =
+            |name, object| floats::<2>(name, "a range (min, max) in metres", object).map(|[min, max]| (min, max));
+        let resolution = match resolution.extract::<f64>() {
+            Ok(_) => float("resolution", resolution).map(|both| (both, both))?,
+            Err(_) => floats::<2>("resolution", "a cell size in metres, or (along x, along y)", resolution)
+                .map(|[dx, dy]| (dx, dy))?,
+        };
+        let sample_at = match sample_at {
+            None => SampleAt::Center,
+            Some(object) => match object.extract::<String>().as_deref() {
+                Ok("center") => SampleAt::Center,
+                Ok("corner") => SampleAt::Corner,
+                Ok(other) => {
+                    let message = format!("sample_at: expected \"center\" or \"corner\", got {other:?}");
+                    return Err(ArgumentError::new_err(message));
+                }
+                Err(_) => {
+                    let got = type_name(object);
+                    let message = format!("sample_at: expected \"center\" or \"corner\", got {got}");
+                    return Err(ArgumentTypeError::new_err(message));
+                }
+            },
+        };
+        Ok(Self { grid: BevGrid::new(range("x", x)?, range("y", y)?, resolution, sample_at)? })
+    }
+
+    /// (rows, columns).
+    #[getter]
+    fn shape(&self) -> (usize, usize) {
+        (self.grid.rows(), self.grid.columns())
+    }
+
+    /// (min, max) along x, metres.
+    #[getter]
+    fn x(&self) -> (f64, f64) {
+        self.grid.x()
+    }
+
+    /// (min, max) along y, metres.
+    #[getter]
+    fn y(&self) -> (f64, f64) {
+        self.grid.y()
+    }
+
+    /// Cell size (along x, along y), metres.
+    #[getter]
+    fn resolution(&self) -> (f64, f64) {
+        self.grid.resolution()
+    }
+
+    /// "center" or "corner".
+    #[getter]
+    fn sample_at(&self) -> &'static str {
+        match self.grid.sample_at() {
+            SampleAt::Center => "center",
+            SampleAt::Corner => "corner",
+        }
+    }
+
+    /// The road points of all samples: (rows, columns, 2) float64, (x, y) in metres.
+    fn xy<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray3<f64>>> {
+        let (rows, columns) = self.shape();
+        let mut points = Vec::new();
+        let too_large = |_| Error::OutOfMemory { what: "xy", bytes: 16 * rows * columns };
+        points.try_reserve_exact(2 * rows * columns).map_err(too_large)?;
+        for row in 0..rows {
+            let x = self.grid.x_of_row(row as f64);
+            points.extend((0..columns).flat_map(|column| [x, self.grid.y_of_column(column as f64)]));
+        }
+        PyArray1::from_vec(py, points).reshape([rows, columns, 2])
+    }
+
+    /// Road points (N, 2) to (row, column), whole at the samples.
+    fn cell_from_ground<'py>(&self, xy: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let floats = Floats::new("xy", "an (N, 2) array", xy)?;
+        let cells = floats.rows::<2>("xy")?.iter().map(|&point| self.grid.cell_from_ground(point)).collect();
+        rows_to_numpy(xy.py(), cells)
+    }
+
+    /// (row, column) (N, 2) to road points.
+    fn ground_from_cell<'py>(&self, rc: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let floats = Floats::new("rc", "an (N, 2) array", rc)?;
+        let points = floats.rows::<2>("rc")?.iter().map(|&cell| self.grid.ground_from_cell(cell)).collect();
+        rows_to_numpy(rc.py(), points)
+    }
+
+    fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyTuple>, Bound<'py, PyDict>)> {
+        let keywords = PyDict::new(py);
+        keywords.set_item("x", self.x())?;
+        keywords.set_item("y", self.y())?;
+        keywords.set_item("resolution", self.resolution())?;
+        keywords.set_item("sample_at", self.sample_at())?;
+        Ok((PyTuple::empty(py), keywords))
+    }
+
+    fn __repr__(&self) -> String {
+        let (x, y, resolution) = (self.x(), self.y(), self.resolution());
+        let (rows, columns) = self.shape();
+        format!(
+            "BevGrid(x=({}, {}), y=({}, {}), resolution=({}, {}), sample_at=\"{}\")  # {rows} rows x {columns} columns",
+            x.0,
+            x.1,
+            y.0,
+            y.1,
+            resolution.0,
+            resolution.1,
+            self.sample_at()
+        )
+    }
+}

@@ -1,0 +1,269 @@
+//! `Lut`.
+
+use nalgebra::Matrix3;
+use numpy::{
+    PyArray1, PyArray2, PyArrayDescrMethods, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArray,
+    PyUntypedArrayMethods,
+};
+use pyo3::prelude::*;
+use pyo3::types::{PyBytes, PyTuple, PyType};
+
+use super::camera::{PyCamera, road};
+use super::convert::{float, matrix3, size, tuple_text, type_name};
+use super::error::classes::{ArgumentTypeError, DtypeError, LutError};
+use super::grid::PyBevGrid;
+use super::image::{ImageArray, Sample};
+use super::options;
+use crate::{Bilinear, ImageView, ImageViewMut, Interpolation, Lut, WarpOptions};
+
+/// Where every cell of a bird's-eye view samples the image: built once, used for every frame.
+#[pyclass(frozen, eq, module = "ipm_rs", name = "Lut")]
+#[derive(PartialEq)]
+pub(super) struct PyLut {
+    lut: Lut,
+}
+
+#[pymethods]
+impl PyLut {
+    #[new]
+    #[pyo3(signature = (camera, grid, *, ground = None), text_signature = "(camera, grid, *, ground=0.0)")]
+    fn new(camera: &Bound<'_, PyAny>, grid: &Bound<'_, PyAny>, ground: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
+        let wrong = |name: &str, expected: &str, got: &Bound<'_, PyAny>| {
+            ArgumentTypeError::new_err(format!("{name}: expected an ipm_rs.{expected}, got {}", type_name(got)))
+        };
+        let camera_ref = camera.cast::<PyCamera>().map_err(|_| wrong("camera", "Camera", camera))?.get();
+        let grid_ref = grid.cast::<PyBevGrid>().map_err(|_| wrong("grid", "BevGrid", grid))?.get();
+        let ground = road(ground)?;
+        let lut = camera.py().detach(|| Lut::new(&camera_ref.camera, &grid_ref.grid, &ground))?;
+        Ok(Self { lut })
+    }
+
+    /// A table from maps as `cv2.remap` takes them.
+    #[classmethod]
+    #[pyo3(signature = (map_x, map_y, *, source_size))]
+    fn from_maps(
+        _cls: &Bound<'_, PyType>,
+        map_x: &Bound<'_, PyAny>,
+        map_y: &Bound<'_, PyAny>,
+        source_size: &Bound<'_, PyAny>,
+    ) -> PyResult<Self> {
+        let source_size = size("source_size", source_size)?;
+        let (map_x, map_y) = (map_array("map_x", map_x)?, map_array("map_y", map_y)?);
+        if map_x.shape() != map_y.shape() {
+            return Err(LutError::new_err(format!(
+                "map_y: expected the shape of map_x, {}, got {}",
+                tuple_text(map_x.shape()),
+                tuple_text(map_y.shape())
+            )));
+        }
+        if !map_x.dtype().is_equiv_to(&map_y.dtype()) {
+            let message = format!("map_y: expected the dtype of map_x, {}, got {}", map_x.dtype(), map_y.dtype());
+            return Err(DtypeError::new_err(message));
+        }
+        let lut = if map_x.dtype().itemsize() == 4 {
+            from_maps_of::<f32>(&map_x, &map_y, source_size)?
+        } else {
+            from_maps_of::<f64>(&map_x, &map_y, source_size)?
+        };
+        Ok(Self { lut })
+    }
+
+    /// A table from a homography that maps output pixel to source pixel.
+    #[classmethod]
+    #[pyo3(signature = (M, *, size, source_size))]
+    #[expect(non_snake_case, reason = "the field's name for a homography")]
+    fn from_homography(
+        _cls: &Bound<'_, PyType>,
+        M: &Bound<'_, PyAny>,
+        size: &Bound<'_, PyAny>,
+        source_size: &Bound<'_, PyAny>,
+    ) -> PyResult<Self> {
+        let py = M.py();
+        let matrix: Matrix3<f64> = matrix3("M", M)?;
+        let size = super::convert::size("size", size)?;
+        let source_size = super::convert::size("source_size", source_size)?;
+        Ok(Self { lut: py.detach(|| Lut::from_homography(&matrix, size, source_size))? })
+    }
+
+    /// Warps an image to the grid: a bird's-eye view.
+    #[pyo3(
+        signature = (image, *, interpolation = None, border_value = None, out = None, threads = None),
+        text_signature = "(self, image, *, interpolation='bilinear', border_value=0, out=None, threads=None)"
+    )]
+    fn warp<'py>(
+        &self,
+        image: &Bound<'py, PyAny>,
+        interpolation: Option<&Bound<'py, PyAny>>,
+        border_value: Option<&Bound<'py, PyAny>>,
+        out: Option<&Bound<'py, PyAny>>,
+        threads: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let interpolation = interpolation.map_or(Ok(Interpolation::Bilinear), options::interpolation)?;
+        let threads = threads.map(|threads| options::thread_count("threads", threads)).transpose()?;
+        let image = ImageArray::new("image", image)?;
+        let job = Job { lut: &self.lut, image: &image, border_value, out, threads };
+        let (kind, bytes) = (image.dtype().kind(), image.dtype().itemsize());
+        match (interpolation, kind, bytes) {
+            (Interpolation::Bilinear, b'u', 1) => job.bilinear::<u8>(),
+            (Interpolation::Bilinear, b'u', 2) => job.bilinear::<u16>(),
+            (Interpolation::Bilinear, b'f', 4) => job.bilinear::<f32>(),
+            (Interpolation::Nearest, b'b' | b'i' | b'u' | b'f', 1) => job.nearest::<u8>(),
+            (Interpolation::Nearest, b'i' | b'u' | b'f', 2) => job.nearest::<u16>(),
+            (Interpolation::Nearest, b'i' | b'u' | b'f', 4) => job.nearest::<u32>(),
+            (Interpolation::Nearest, b'i' | b'u' | b'f', 8) => job.nearest::<u64>(),
+            (Interpolation::Bilinear, ..) => Err(DtypeError::new_err(format!(
+                "image: expected uint8, uint16 or float32, got {}; use interpolation=\"nearest\" for labels, or image.astype(numpy.float32)",
+                image.dtype()
+            ))),
+            (Interpolation::Nearest, ..) => Err(DtypeError::new_err(format!(
+                "image: expected a bool, integer or float dtype of 1, 2, 4 or 8 bytes, got {}",
+                image.dtype()
+            ))),
+        }
+    }
+
+    /// (rows, columns).
+    #[getter]
+    fn shape(&self) -> (usize, usize) {
+        (self.lut.rows(), self.lut.columns())
+    }
+
+    /// (width, height) of the images that it is for.
+    #[getter]
+    fn source_size(&self) -> (u32, u32) {
+        self.lut.source_size()
+    }
+
+    /// Bytes that the table holds.
+    #[getter]
+    fn nbytes(&self) -> usize {
+        self.lut.nbytes()
+    }
+
+    /// Which cells see the image: (rows, columns) bool.
+    #[getter]
+    fn mask<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<bool>>> {
+        let mask = py.detach(|| self.lut.mask());
+        PyArray1::from_vec(py, mask).reshape(self.shape())
+    }
+
+    /// (map_x, map_y), (rows, columns) float32, for `cv2.remap` and its like.
+    #[pyo3(signature = (outside = None))]
+    #[expect(clippy::type_complexity, reason = "(map_x, map_y)")]
+    fn maps<'py>(
+        &self,
+        py: Python<'py>,
+        outside: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<(Bound<'py, PyArray2<f32>>, Bound<'py, PyArray2<f32>>)> {
+        let outside = outside.map_or(Ok(f64::NAN), |object| float("outside", object))?;
+        let (map_x, map_y) = py.detach(|| self.lut.maps(outside as f32));
+        Ok((PyArray1::from_vec(py, map_x).reshape(self.shape())?, PyArray1::from_vec(py, map_y).reshape(self.shape())?))
+    }
+
+    /// Undoes a pickle; every bound is proved again.
+    #[classmethod]
+    #[pyo3(name = "_from_bytes")]
+    fn from_bytes(_cls: &Bound<'_, PyType>, data: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let Ok(bytes) = data.cast::<PyBytes>() else {
+            let message = format!("Lut: expected the bytes of a table, got {}", type_name(data));
+            return Err(ArgumentTypeError::new_err(message));
+        };
+        let bytes = bytes.as_bytes();
+        Ok(Self { lut: data.py().detach(|| Lut::from_bytes(bytes))? })
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let bytes = py.detach(|| self.lut.to_bytes());
+        Ok((py.get_type::<Self>().getattr("_from_bytes")?, PyTuple::new(py, [PyBytes::new(py, &bytes)])?))
+    }
+
+    fn __repr__(&self) -> String {
+        let (rows, columns) = self.shape();
+        let (width, height) = self.source_size();
+        let coverage = 100.0 * self.lut.valid_cells() as f64 / (rows * columns) as f64;
+        let megabytes = self.nbytes() as f64 / 1e6;
+        format!(
+            "Lut({rows} rows x {columns} columns from {width}x{height} images, {coverage:.1} % valid, {megabytes:.2} MB)"
+        )
+    }
+}
+
+/// [`Lut::warp_into`] or [`Lut::warp_nearest_into`].
+type WarpFn<T> = fn(&Lut, &ImageView<'_, T>, &mut ImageViewMut<'_, T>, &WarpOptions<T>) -> crate::Result<()>;
+
+/// One call of `warp`, its dtype not yet chosen.
+struct Job<'a, 'py> {
+    lut: &'a Lut,
+    image: &'a ImageArray<'py>,
+    border_value: Option<&'a Bound<'py, PyAny>>,
+    out: Option<&'a Bound<'py, PyAny>>,
+    threads: Option<usize>,
+}
+
+impl<'py> Job<'_, 'py> {
+    fn bilinear<T: Sample + Bilinear>(self) -> PyResult<Bound<'py, PyAny>> {
+        self.run::<T>(Lut::warp_into)
+    }
+
+    fn nearest<T: Sample>(self) -> PyResult<Bound<'py, PyAny>> {
+        self.run::<T>(Lut::warp_nearest_into)
+    }
+
+    fn run<T: Sample>(self, warp: WarpFn<T>) -> PyResult<Bound<'py, PyAny>> {
+        let py = self.image.dtype().py();
+        let border_value = options::border_value::<T>(self.border_value, self.image.dtype())?;
+        let options = WarpOptions { border_value, threads: self.threads, ..WarpOptions::default() };
+        let read = self.image.read()?;
+        let view = read.view::<T>()?;
+        self.lut.check_image(&view, &options)?; // before an output is allocated
+        let (rows, columns) = (self.lut.rows(), self.lut.columns());
+        let out = match self.out {
+            Some(out) if !out.is_none() => self.image.check_output(out, rows, columns)?,
+            _ => self.image.new_output(rows, columns)?,
+        };
+        let mut write = out.write()?;
+        let mut view_mut = write.view::<T>()?;
+        py.detach(|| warp(self.lut, &view, &mut view_mut, &options))?;
+        drop(write);
+        Ok(out.into_array().into_any())
+    }
+}
+
+/// A map as an array of float32 or float64.
+fn map_array<'py>(name: &str, object: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyUntypedArray>> {
+    let Ok(array) = object.cast::<PyUntypedArray>() else {
+        let message = format!("{name}: expected a NumPy array of float32 or float64, got {}", type_name(object));
+        return Err(ArgumentTypeError::new_err(message));
+    };
+    let dtype = array.dtype();
+    if dtype.kind() != b'f' || !matches!(dtype.itemsize(), 4 | 8) || dtype.is_native_byteorder() == Some(false) {
+        let mend = "fixed-point maps come back with cv2.convertMaps(map1, map2, cv2.CV_32FC1)";
+        return Err(DtypeError::new_err(format!("{name}: expected float32 or float64, got {dtype}; {mend}")));
+    }
+    if array.ndim() != 2 || array.is_empty() {
+        let got = tuple_text(array.shape());
+        return Err(LutError::new_err(format!(
+            "{name}: expected shape (rows, columns) with at least one cell, got {got}"
+        )));
+    }
+    Ok(array.clone())
+}
+
+/// A table from two checked maps of one dtype.
+fn from_maps_of<T: numpy::Element + Copy + Into<f64> + Sync>(
+    map_x: &Bound<'_, PyUntypedArray>,
+    map_y: &Bound<'_, PyUntypedArray>,
+    source_size: (u32, u32),
+) -> PyResult<Lut> {
+    let py = map_x.py();
+    let (map_x, map_y) = (contiguous::<T>(map_x)?, contiguous::<T>(map_y)?);
+    let columns = map_x.shape()[1];
+    let (xs, ys) = (map_x.as_slice()?, map_y.as_slice()?);
+    Ok(py.detach(|| Lut::from_maps(xs, ys, columns, source_size))?)
+}
+
+fn contiguous<'py, T: numpy::Element>(array: &Bound<'py, PyUntypedArray>) -> PyResult<PyReadonlyArrayDyn<'py, T>> {
+    let array = array.py().import("numpy")?.call_method1("ascontiguousarray", (array,))?;
+    let array = array.cast_into::<PyArrayDyn<T>>()?;
+    array.try_readonly().map_err(|error| LutError::new_err(format!("maps: {error}")))
+}
