@@ -10,6 +10,8 @@ use crate::error::{Error, Result};
 pub enum Isa {
     /// Plain Rust: the definition of every kernel.
     Scalar,
+    /// AVX-512 F, BW, VL, VBMI and VNNI: Ice Lake, Zen 4 and later.
+    Avx512,
 }
 
 impl Isa {
@@ -17,12 +19,31 @@ impl Isa {
     pub fn name(self) -> &'static str {
         match self {
             Self::Scalar => "scalar",
+            Self::Avx512 => "avx512",
         }
     }
 
     /// Those that this build has and this CPU can run, best last.
     pub fn available() -> &'static [Self] {
-        &[Self::Scalar]
+        static AVAILABLE: OnceLock<Vec<Isa>> = OnceLock::new();
+        AVAILABLE.get_or_init(|| [Self::Scalar, Self::Avx512].into_iter().filter(|isa| isa.is_supported()).collect())
+    }
+
+    /// Whether this CPU can run it.
+    fn is_supported(self) -> bool {
+        match self {
+            Self::Scalar => true,
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx512 => {
+                is_x86_feature_detected!("avx512f")
+                    && is_x86_feature_detected!("avx512bw")
+                    && is_x86_feature_detected!("avx512vl")
+                    && is_x86_feature_detected!("avx512vbmi")
+                    && is_x86_feature_detected!("avx512vnni")
+            }
+            #[cfg(not(target_arch = "x86_64"))]
+            Self::Avx512 => false,
+        }
     }
 
     /// The one in use: that of the environment variable `IPM_RS_ISA`, else the best available. Read once.

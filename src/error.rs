@@ -104,7 +104,7 @@ pub enum Error {
     },
     /// A range that is not a whole number of cells.
     #[error(
-        "{axis}: ({min}, {max}) is {cells} cells of {cell} m, expected a whole number (to 1e-6); the nearest is ({min}, {nearest_max}), {nearest} cells"
+        "{axis}: ({min}, {max}) is {cells} cells of {cell} m, expected a whole number (to 1e-6); the nearest is ({min}, {}), {nearest} cells", readable(*nearest_max)
     )]
     PartialCell {
         /// "x" or "y".
@@ -124,7 +124,7 @@ pub enum Error {
     },
     /// More cells than a table may hold.
     #[error(
-        "{what}: {rows} x {columns} cells are more than the {limit} that one table may hold; use a larger resolution or a smaller range"
+        "{what}: {} x {} cells are more than the {limit} that one table may hold; use a coarser resolution or a smaller output", count(*rows), count(*columns)
     )]
     TooManyCells {
         /// What asked for them.
@@ -159,7 +159,7 @@ pub enum Error {
         problem: &'static str,
     },
     /// Not enough memory.
-    #[error("{what}: {bytes} bytes could not be allocated; use a larger resolution or a smaller range")]
+    #[error("{what}: {bytes} bytes could not be allocated; use a coarser resolution or a smaller output")]
     OutOfMemory {
         /// What they were for.
         what: &'static str,
@@ -238,6 +238,16 @@ pub enum Error {
 
 /// `Result` with this crate's [`Error`].
 pub type Result<T, E = Error> = std::result::Result<T, E>;
+
+/// A number of cells, in powers of ten where it has too many digits to be read.
+fn count(cells: f64) -> String {
+    if cells < 1e15 { format!("{cells}") } else { format!("{cells:.1e}") }
+}
+
+/// A length without the noise of its last bits: 0.9, not 0.8999999999999999.
+fn readable(metres: f64) -> f64 {
+    (metres * 1e9).round() / 1e9
+}
 
 /// `value` if it is finite.
 pub(crate) fn finite(what: &'static str, value: f64) -> Result<f64> {

@@ -191,6 +191,7 @@ impl std::fmt::Display for Camera {
             // what prints as 0.00 has no side
             format!("{:.2} deg {}", degrees.abs(), if degrees < -0.005 { negative } else { positive })
         };
+        let metres = |value: f64| (value * 1e3).round() / 1e3 + 0.0; // never -0.000
         write!(
             f,
             "Camera({width}x{height}, fx {:.2}, fy {:.2}, cx {:.2}, cy {:.2}, at x {:.3}, y {:.3}, z {:.3} m, looks {}, {}, {})",
@@ -198,9 +199,9 @@ impl std::fmt::Display for Camera {
             k[(1, 1)],
             k[(0, 2)],
             k[(1, 2)],
-            position.x,
-            position.y,
-            position.z,
+            metres(position.x),
+            metres(position.y),
+            metres(position.z),
             turned(pitch, "down", "up"),
             turned(yaw, "to the left", "to the right"),
             turned(roll, "left side up", "right side up"),

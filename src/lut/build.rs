@@ -8,9 +8,6 @@ use crate::error::{Error, Result};
 use crate::grid::BevGrid;
 use crate::ground::Ground;
 
-/// Smallest |det M| of a homography, as a share of its largest possible value for rows of that length.
-const SINGULAR: f64 = 1e-15;
-
 impl Lut {
     /// The table of a bird's-eye view: each cell of the grid samples the pixel that sees its road point. Cells behind
     /// the camera or outside its image are invalid; nothing wraps.
@@ -68,9 +65,7 @@ impl Lut {
         if m.iter().any(|value| !value.is_finite()) {
             return refuse("an entry is NaN or infinite");
         }
-        let largest: f64 = m.row_iter().map(|row| row.norm()).product();
-        let det = m.determinant().abs();
-        if det.is_nan() || det <= SINGULAR * largest {
+        if is_singular(m) {
             return refuse("its determinant is 0");
         }
         let size = check_image_size("size", size.0.into(), size.1.into())?;
@@ -83,5 +78,40 @@ impl Lut {
             }
         })?;
         Ok(Self { table })
+    }
+}
+
+/// Whether a matrix maps the plane to a line or a point, whatever the units of its rows and columns.
+fn is_singular(m: &Matrix3<f64>) -> bool {
+    /// |det| of a matrix whose rows and columns all have a largest entry of about 1; rounding leaves 1e-16 of a 0.
+    const SMALLEST: f64 = 1e-13;
+    let mut balanced = *m;
+    for mut row in balanced.row_iter_mut() {
+        row /= row.amax();
+    }
+    for mut column in balanced.column_iter_mut() {
+        column /= column.amax();
+    }
+    let det = balanced.determinant().abs();
+    det.is_nan() || det <= SMALLEST // a row or column of zeros has become NaN
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn singular_is_told_from_merely_badly_scaled() {
+        let matrix = |entries: [f64; 9]| Matrix3::from_row_slice(&entries);
+        for singular in
+            [[0.0; 9], [1.0; 9], [0.1, 0.2, 0.3, 0.2, 0.4, 0.6, 0.7, 0.8, 0.9], [1., 0., 0., 0., 1., 0., 0., 0., 0.]]
+        {
+            assert!(is_singular(&matrix(singular)), "{singular:?}");
+        }
+        for regular in
+            [[1e-4, 0.0, 1e6, 0.0, 1e-4, 1e6, 0.0, 0.0, 1.0], [1e-200, 0., 0., 0., 1e-200, 0., 0., 0., 1e-200]]
+        {
+            assert!(!is_singular(&matrix(regular)), "{regular:?}");
+        }
     }
 }

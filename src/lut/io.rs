@@ -1,5 +1,5 @@
 //! A table as bytes and back, for pickles. Little-endian:
-//! magic (8), rows, columns, width, height, runs, taps (`u32` each), the rows' starts (run, tap), the runs, the taps
+//! magic (8), checksum of what follows (8), rows, columns, width, height, runs, taps (`u32` each), the rows' starts (run, tap), the runs, the taps
 //! (offset `u32`, x `u16`, y `u16`).
 
 use super::Lut;
@@ -16,6 +16,7 @@ impl Lut {
         let Table { columns, source, starts, runs, taps } = &self.table;
         let mut bytes = Vec::with_capacity(self.nbytes() + 64);
         bytes.extend_from_slice(MAGIC);
+        bytes.extend_from_slice(&[0; 8]);
         for number in [self.rows() as u32, *columns as u32, source.0, source.1, runs.len() as u32, taps.len() as u32] {
             bytes.extend_from_slice(&number.to_le_bytes());
         }
@@ -31,6 +32,8 @@ impl Lut {
             bytes.extend_from_slice(&tap.x.to_le_bytes());
             bytes.extend_from_slice(&tap.y.to_le_bytes());
         }
+        let sum = checksum(&bytes[16..]);
+        bytes[8..16].copy_from_slice(&sum.to_le_bytes());
         bytes
     }
 
@@ -42,6 +45,10 @@ impl Lut {
     pub fn from_bytes(bytes: &[u8]) -> Result<Self> {
         let damaged = |problem| Error::DamagedTable { problem };
         let body = bytes.strip_prefix(MAGIC).ok_or(damaged("no table of this version begins so"))?;
+        let (sum, body) = body.split_first_chunk::<8>().ok_or(damaged("the checksum is cut short"))?;
+        if u64::from_le_bytes(*sum) != checksum(body) {
+            return Err(damaged("its checksum does not fit"));
+        }
         let (header, body) = body.split_first_chunk::<24>().ok_or(damaged("the header is cut short"))?;
         let number = |index: usize| le_u32(&header[4 * index..]);
         let (rows, columns) = (number(0) as usize, number(1) as usize);
@@ -114,6 +121,17 @@ fn is_possible(kind: RunKind, tap: Tap, (width, height): (u32, u32)) -> bool {
     }
 }
 
+/// FNV-1a over words of eight bytes: against damage, not against forgery, which [`check`] is for.
+fn checksum(bytes: &[u8]) -> u64 {
+    let (words, rest) = bytes.as_chunks::<8>();
+    let mut tail = [0; 8];
+    tail[..rest.len()].copy_from_slice(rest);
+    let numbers = words.iter().chain([&tail]).map(|word| u64::from_le_bytes(*word));
+    numbers
+        .chain([bytes.len() as u64])
+        .fold(0xcbf2_9ce4_8422_2325, |sum, word| (sum ^ word).wrapping_mul(0x0000_0100_0000_01b3).rotate_left(29))
+}
+
 fn le_u32(bytes: &[u8]) -> u32 {
     u32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]])
 }
@@ -134,17 +152,32 @@ mod tests {
     }
 
     #[test]
-    fn every_flipped_bit_and_every_cut_is_refused_or_harmless() {
+    fn every_flipped_bit_and_every_cut_is_refused() {
+        let bytes = lut().to_bytes();
+        for bit in 0..bytes.len() * 8 {
+            let mut damaged = bytes.clone();
+            damaged[bit / 8] ^= 1 << (bit % 8);
+            assert!(matches!(Lut::from_bytes(&damaged), Err(Error::DamagedTable { .. })), "bit {bit}");
+        }
+        for length in 0..bytes.len() {
+            assert!(Lut::from_bytes(&bytes[..length]).is_err());
+        }
+    }
+
+    #[test]
+    fn forged_bytes_with_a_right_checksum_are_refused_or_harmless() {
         let bytes = lut().to_bytes();
         let image = vec![7u8; 7 * 4];
         let view = crate::ImageView::new(&image, (7, 4), 1).unwrap();
         let (mut refused, mut harmless) = (0, 0);
-        for bit in 0..bytes.len() * 8 {
-            let mut damaged = bytes.clone();
-            damaged[bit / 8] ^= 1 << (bit % 8);
-            match Lut::from_bytes(&damaged) {
+        for bit in 16 * 8..bytes.len() * 8 {
+            let mut forged = bytes.clone();
+            forged[bit / 8] ^= 1 << (bit % 8);
+            let sum = checksum(&forged[16..]);
+            forged[8..16].copy_from_slice(&sum.to_le_bytes());
+            match Lut::from_bytes(&forged) {
                 Ok(other) => {
-                    // another table, but one that keeps its promises: scalar kernels check every index
+                    // another table, but one that keeps its promises
                     let size_as_built = other.source_size() == (7, 4);
                     let bev = other.warp(&view, &crate::WarpOptions::default());
                     assert_eq!(bev.is_ok(), size_as_built);
@@ -157,8 +190,5 @@ mod tests {
             }
         }
         assert!(refused > 500 && harmless > 100, "{refused} {harmless}");
-        for length in 0..bytes.len() {
-            assert!(Lut::from_bytes(&bytes[..length]).is_err());
-        }
     }
 }

@@ -7,7 +7,10 @@ use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple, PyType};
 
-use super::convert::{Floats, float, floats, matrix_to_numpy, matrix3, matrix4, rows_to_numpy, size, type_name, whole};
+use super::convert::{
+    Floats, Reduced, float, floats, matrix_to_numpy, matrix3, matrix4, rebuilt_by_new, rows_to_numpy, size, type_name,
+    whole,
+};
 use super::error::classes::{ArgumentError, ArgumentTypeError, CalibrationError};
 use crate::geometry::Pose;
 use crate::{Camera, Ground, Pinhole, Projection};
@@ -205,11 +208,11 @@ impl PyCamera {
         Ok(Self { camera: self.camera.with_pose(pose("camera_from_vehicle", camera_from_vehicle)?) })
     }
 
-    fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyTuple>, Bound<'py, PyDict>)> {
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Reduced<'py>> {
         let keywords = PyDict::new(py);
         keywords.set_item("image_size", self.image_size())?;
         keywords.set_item("camera_from_vehicle", self.camera_from_vehicle(py)?)?;
-        Ok((PyTuple::new(py, [self.intrinsics(py)?])?, keywords))
+        rebuilt_by_new(py.get_type::<Self>(), PyTuple::new(py, [self.intrinsics(py)?])?, keywords)
     }
 
     fn __repr__(&self) -> String {

@@ -5,7 +5,7 @@ use numpy::{
     PyArray1, PyArray2, PyArrayDescrMethods, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArray, PyUntypedArrayMethods,
 };
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyString};
+use pyo3::types::{PyByteArray, PyBytes, PyDict, PyString, PyTuple, PyType};
 
 use super::error::classes::{ArgumentError, ArgumentTypeError};
 
@@ -102,6 +102,11 @@ pub(super) fn rows_to_numpy<const K: usize>(py: Python<'_>, rows: Vec<[f64; K]>)
     PyArray1::from_vec(py, rows.into_flattened()).reshape([count, K])
 }
 
+/// Iterable, but no list of numbers.
+fn is_text(object: &Bound<'_, PyAny>) -> bool {
+    object.is_instance_of::<PyString>() || object.is_instance_of::<PyBytes>() || object.is_instance_of::<PyByteArray>()
+}
+
 /// A real number.
 pub(super) fn float(name: &str, object: &Bound<'_, PyAny>) -> PyResult<f64> {
     let refuse = || ArgumentTypeError::new_err(format!("{name}: expected a number, got {}", type_name(object)));
@@ -115,8 +120,8 @@ pub(super) fn float(name: &str, object: &Bound<'_, PyAny>) -> PyResult<f64> {
 pub(super) fn floats<const K: usize>(name: &str, meaning: &str, object: &Bound<'_, PyAny>) -> PyResult<[f64; K]> {
     let refuse =
         |got: String| ArgumentTypeError::new_err(format!("{name}: expected {meaning}, {K} numbers, got {got}"));
-    if object.is_instance_of::<PyString>() {
-        return Err(refuse("str".to_owned()));
+    if is_text(object) {
+        return Err(refuse(type_name(object)));
     }
     let items = object.try_iter().map_err(|_| refuse(type_name(object)))?.collect::<PyResult<Vec<_>>>()?;
     let numbers = items.iter().map(|item| float(name, item)).collect::<PyResult<Vec<_>>>()?;
@@ -145,8 +150,8 @@ pub(super) fn size(name: &str, object: &Bound<'_, PyAny>) -> PyResult<(u32, u32)
     let refuse = |got: String| {
         ArgumentTypeError::new_err(format!("{name}: expected (width, height), two whole numbers, got {got}"))
     };
-    if object.is_instance_of::<PyString>() {
-        return Err(refuse("str".to_owned()));
+    if is_text(object) {
+        return Err(refuse(type_name(object)));
     }
     let items = object.try_iter().map_err(|_| refuse(type_name(object)))?.collect::<PyResult<Vec<_>>>()?;
     match items.as_slice() {
@@ -156,4 +161,16 @@ pub(super) fn size(name: &str, object: &Bound<'_, PyAny>) -> PyResult<(u32, u32)
             items.len()
         ))),
     }
+}
+
+/// What `__reduce__` returns: a callable and its arguments.
+pub(super) type Reduced<'py> = (Bound<'py, PyAny>, (Bound<'py, PyType>, Bound<'py, PyTuple>, Bound<'py, PyDict>));
+
+/// A pickle that calls the class again: `copyreg.__newobj_ex__`, which every pickle protocol understands.
+pub(super) fn rebuilt_by_new<'py>(
+    class: Bound<'py, PyType>,
+    arguments: Bound<'py, PyTuple>,
+    keywords: Bound<'py, PyDict>,
+) -> PyResult<Reduced<'py>> {
+    Ok((class.py().import("copyreg")?.getattr("__newobj_ex__")?, (class, arguments, keywords)))
 }

@@ -28,10 +28,11 @@ impl From<Error> for PyErr {
             Error::GridRange { .. }
             | Error::CellSize { .. }
             | Error::PartialCell { .. }
-            | Error::TooManyCells { .. } => classes::GridError::new_err(message),
-            Error::MapLength { .. } | Error::Homography { .. } | Error::DamagedTable { .. } => {
-                classes::LutError::new_err(message)
-            }
+            | Error::TooManyCells { what: "BevGrid", .. } => classes::GridError::new_err(message),
+            Error::TooManyCells { .. }
+            | Error::MapLength { .. }
+            | Error::Homography { .. }
+            | Error::DamagedTable { .. } => classes::LutError::new_err(message),
             Error::EmptyImage { .. }
             | Error::ImageBuffer { .. }
             | Error::SizeMismatch { .. }

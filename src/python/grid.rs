@@ -6,7 +6,7 @@ use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 
-use super::convert::{Floats, float, floats, rows_to_numpy, type_name};
+use super::convert::{Floats, Reduced, float, floats, rebuilt_by_new, rows_to_numpy, type_name};
 use super::error::classes::{ArgumentError, ArgumentTypeError};
 use crate::error::Error;
 use crate::{BevGrid, SampleAt};
@@ -128,13 +128,13 @@ impl PyBevGrid {
         rows_to_numpy(rc.py(), points)
     }
 
-    fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyTuple>, Bound<'py, PyDict>)> {
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Reduced<'py>> {
         let keywords = PyDict::new(py);
         keywords.set_item("x", self.x())?;
         keywords.set_item("y", self.y())?;
         keywords.set_item("resolution", self.resolution())?;
         keywords.set_item("sample_at", self.sample_at())?;
-        Ok((PyTuple::empty(py), keywords))
+        rebuilt_by_new(py.get_type::<Self>(), PyTuple::empty(py), keywords)
     }
 
     fn __repr__(&self) -> String {

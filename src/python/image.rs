@@ -56,9 +56,11 @@ impl<'py> ImageArray<'py> {
         };
         let dtype = array.dtype();
         if dtype.is_native_byteorder() == Some(false) {
-            let message = format!(
-                "{name}: expected this machine's byte order, got {dtype}; use {name}.astype({name}.dtype.newbyteorder(\"=\"))"
-            );
+            let mend = match name {
+                "out" => "use numpy.empty(shape, image.dtype)".to_owned(),
+                _ => format!("use {name}.astype({name}.dtype.newbyteorder(\"=\"))"),
+            };
+            let message = format!("{name}: expected this machine's byte order, got {dtype}; {mend}");
             return Err(DtypeError::new_err(message));
         }
         let shape = array.shape();
@@ -75,6 +77,10 @@ impl<'py> ImageArray<'py> {
             return Err(ImageError::new_err(format!("{name}: expected at least one pixel, got shape {got}")));
         }
         let sample = dtype.itemsize() as isize;
+        if sample == 0 {
+            let message = format!("{name}: expected a bool, integer or float dtype, got {dtype} of no bytes");
+            return Err(DtypeError::new_err(message));
+        }
         let strides = array.strides();
         // an axis of length 1 is never stepped along, so NumPy lets its stride be anything
         let steps = |axis: usize, expected: isize| shape[axis] == 1 || strides[axis] == expected;
@@ -103,16 +109,18 @@ impl<'py> ImageArray<'py> {
 
     /// Checks that `object` can take the result of warping this image.
     pub(super) fn check_output(&self, object: &Bound<'py, PyAny>, rows: usize, columns: usize) -> PyResult<Self> {
+        let expected = [rows, columns, self.channels];
+        let expected = &expected[..self.array.ndim()];
+        if let Ok(array) = object.cast::<PyUntypedArray>()
+            && array.shape() != expected
+        {
+            let (expected, got) = (tuple_text(expected), tuple_text(array.shape()));
+            return Err(ImageError::new_err(format!("out: expected shape {expected}, got {got}")));
+        }
         let out = Self::new("out", object)?;
         if !out.dtype.is_equiv_to(&self.dtype) {
             let message = format!("out: expected dtype {}, that of the image, got {}", self.dtype, out.dtype);
             return Err(DtypeError::new_err(message));
-        }
-        let expected = [rows, columns, self.channels];
-        let expected = &expected[..self.array.ndim()];
-        if out.array.shape() != expected {
-            let (expected, got) = (tuple_text(expected), tuple_text(out.array.shape()));
-            return Err(ImageError::new_err(format!("out: expected shape {expected}, got {got}")));
         }
         if (out.row_stride.unsigned_abs()) < out.row_bytes() && out.height > 1 {
             return Err(ImageError::new_err(format!(

@@ -49,7 +49,7 @@ impl Lut {
     ) -> Result<()> {
         let kernels = match options.interpolation {
             Interpolation::Nearest => RowKernels::nearest(image.channels(), image.is_contiguous()),
-            Interpolation::Bilinear => RowKernels::bilinear(image.channels(), image.is_contiguous()),
+            Interpolation::Bilinear => RowKernels::bilinear(Isa::active()?, image.channels(), image.is_contiguous()),
         };
         run(self, image, out, options, kernels)
     }

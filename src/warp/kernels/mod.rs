@@ -5,13 +5,18 @@
 //!
 //! * `u8`: four Q15 weights that sum to 32768, `(sum + 2^14) >> 15`; ties round up. Within 0.52 grey level of the exact
 //!   value (0.5 of rounding, the rest from the table's Q15 fractions).
-//! * `u16`: exact in 64 bits for the table's fractions, `(sum + 2^29) >> 30`; within 3 of 65535 of the exact value.
 //! * `f32`: `a + (b - a) fx` along the rows, then between them, nothing fused; within 2^-14 of the range of the four
 //!   pixels, and a constant image stays constant. NaN or infinity in any of the four pixels gives NaN or infinity.
+//! * `u16`: the same in float32, then `+ 0.5` and truncated; within 3 of 65535 of the exact value, 2 of which are the
+//!   table's fractions.
 //! * nearest copies pixels.
 
+#[cfg(target_arch = "x86_64")]
+mod avx512;
+mod plane;
 mod scalar;
 
+use crate::cpu::Isa;
 use crate::image::ImageView;
 use crate::lut::table::{ONE, Tap};
 
@@ -19,15 +24,13 @@ use crate::lut::table::{ONE, Tap};
 pub(crate) struct Source<'a, T> {
     image: &'a ImageView<'a, T>,
     border: &'a [T],
-    /// The border value where it is the same in all channels.
-    uniform_border: Option<T>,
 }
 
 impl<'a, T: Copy> Source<'a, T> {
     /// `border` has one value for each channel.
     pub(crate) fn new(image: &'a ImageView<'a, T>, border: &'a [T]) -> Self {
         debug_assert_eq!(border.len(), image.channels());
-        Self { image, border, uniform_border: if border.len() == 1 { Some(border[0]) } else { None } }
+        Self { image, border }
     }
 
     pub(crate) fn channels(&self) -> usize {
@@ -36,9 +39,16 @@ impl<'a, T: Copy> Source<'a, T> {
 
     /// Writes the border value into whole cells.
     pub(crate) fn fill_border(&self, cells: &mut [T]) {
-        match self.uniform_border {
-            Some(value) => cells.fill(value),
-            None => cells.chunks_exact_mut(self.border.len()).for_each(|cell| cell.copy_from_slice(self.border)),
+        if let [value] = *self.border {
+            return cells.fill(value);
+        }
+        // one cell, then as many as are written already: cell by cell took longer than blending the others
+        let mut written = self.border.len();
+        cells[..written].copy_from_slice(self.border);
+        while written < cells.len() {
+            let more = written.min(cells.len() - written);
+            cells.copy_within(..more, written);
+            written += more;
         }
     }
 
@@ -79,15 +89,19 @@ impl<T: Copy> RowKernels<T> {
 
 impl<T: Bilinear> RowKernels<T> {
     /// Bilinear.
-    pub(crate) fn bilinear(channels: usize, contiguous: bool) -> Self {
-        let inside = match (channels, contiguous) {
+    pub(crate) fn bilinear(isa: Isa, channels: usize, contiguous: bool) -> Self {
+        let inside = T::special(isa, channels).unwrap_or_else(|| Self::bilinear_scalar(channels, contiguous));
+        Self { inside, edge: scalar::bilinear_edge }
+    }
+
+    fn bilinear_scalar(channels: usize, contiguous: bool) -> RowKernel<T> {
+        match (channels, contiguous) {
             (1, true) => scalar::bilinear::<T, 1, true>,
             (3, true) => scalar::bilinear::<T, 3, true>,
             (4, true) => scalar::bilinear::<T, 4, true>,
             (_, true) => scalar::bilinear::<T, 0, true>,
             (_, false) => scalar::bilinear::<T, 0, false>,
-        };
-        Self { inside, edge: scalar::bilinear_edge }
+        }
     }
 }
 
@@ -99,6 +113,8 @@ impl Bilinear for u16 {}
 impl Bilinear for f32 {}
 
 pub(crate) mod sealed {
+    use super::{Isa, RowKernel};
+
     /// The arithmetic of one dtype; see the module's contract.
     pub trait Blend: Sized {
         /// What is worked out once for all channels of a cell.
@@ -107,12 +123,40 @@ pub(crate) mod sealed {
         /// From the Q15 fractions along x and y, both below 2^15.
         fn weights(fx: u32, fy: u32) -> Self::Weights;
 
+        /// The kernel of an instruction set for images of so many channels, if it has one.
+        #[expect(private_interfaces, reason = "sealed: nobody outside can call it")]
+        fn special(_isa: Isa, _channels: usize) -> Option<RowKernel<Self>> {
+            None
+        }
+
         /// Four samples (top left, top right, bottom left, bottom right) to one.
         fn blend(weights: Self::Weights, taps: [Self; 4]) -> Self;
     }
 }
 
 impl sealed::Blend for u8 {
+    #[expect(private_interfaces, reason = "sealed: nobody outside can call it")]
+    fn special(isa: Isa, channels: usize) -> Option<RowKernel<u8>> {
+        match (isa, channels) {
+            #[cfg(target_arch = "x86_64")]
+            (Isa::Avx512, 1) => Some(|source, taps, cells| {
+                // SAFETY: `Isa::Avx512` is only ever made where the CPU has what these kernels need.
+                unsafe { avx512::bilinear_u8::<1>(source, taps, cells) }
+            }),
+            #[cfg(target_arch = "x86_64")]
+            (Isa::Avx512, 3) => Some(|source, taps, cells| {
+                // SAFETY: as above.
+                unsafe { avx512::bilinear_u8::<3>(source, taps, cells) }
+            }),
+            #[cfg(target_arch = "x86_64")]
+            (Isa::Avx512, 4) => Some(|source, taps, cells| {
+                // SAFETY: as above.
+                unsafe { avx512::bilinear_u8::<4>(source, taps, cells) }
+            }),
+            _ => None,
+        }
+    }
+
     /// Q15, they sum to 32768.
     type Weights = [u32; 4];
 
@@ -130,18 +174,16 @@ impl sealed::Blend for u8 {
 }
 
 impl sealed::Blend for u16 {
-    type Weights = (u32, u32);
+    type Weights = (f32, f32);
 
     #[inline(always)]
-    fn weights(fx: u32, fy: u32) -> (u32, u32) {
-        (fx, fy)
+    fn weights(fx: u32, fy: u32) -> (f32, f32) {
+        f32::weights(fx, fy)
     }
 
     #[inline(always)]
-    fn blend((fx, fy): (u32, u32), taps: [u16; 4]) -> u16 {
-        let along = |left: u16, right: u16| u64::from(u32::from(left) * (ONE - fx) + u32::from(right) * fx);
-        let (top, bottom) = (along(taps[0], taps[1]), along(taps[2], taps[3]));
-        ((top * u64::from(ONE - fy) + bottom * u64::from(fy) + (1 << 29)) >> 30) as u16
+    fn blend(weights: (f32, f32), taps: [u16; 4]) -> u16 {
+        (f32::blend(weights, taps.map(f32::from)) + 0.5) as u16
     }
 }
 

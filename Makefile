@@ -1,0 +1,149 @@
+# Every task of the project, on a machine that has Rust, Python 3.10 or newer, and nothing else installed by hand.
+# Python tools live in .venv; results go to target/, dist/ and site/. `make` alone lists the targets.
+#
+#   PYTHON=python3.12 make venv    which interpreter makes .venv (default: python3)
+#   CI=true make test              Cargo.lock is taken as it is; at a desk cargo may update it
+
+PYTHON ?= python3
+CARGO  ?= cargo
+VENV   := .venv
+PY     := $(VENV)/bin/python
+PIP    := $(PY) -m pip --disable-pip-version-check
+LOCKED := $(if $(CI),--locked)
+
+# The tests must meet the installed wheel and the tools in .venv, whatever the caller's shell has set.
+unexport PYTHONPATH PYTHONHOME VIRTUAL_ENV
+export PYTHONNOUSERSITE := 1
+# pyo3's build script asks an interpreter for its version; without this it would take any python3 on PATH.
+export PYO3_PYTHON := $(CURDIR)/$(PY)
+# Material for MkDocs prints an advertisement about MkDocs 2 without it.
+export NO_MKDOCS_2_WARNING := 1
+
+.DEFAULT_GOAL := help
+.DELETE_ON_ERROR:
+.NOTPARALLEL: # the targets share target/ and .venv, and `test` relies on its order
+
+.PHONY: help
+help: ## List the targets
+	@awk 'BEGIN { FS = ":.*## " } /^[a-z-]+:.*## / { printf "  make %-13s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+
+# ---------------------------------------------------------------- environment
+# A stamp file stands for each installed group, so that repeated calls install nothing.
+
+BASE  := $(VENV)/.stamp-base
+BUILD := $(VENV)/.stamp-build
+DEV   := $(VENV)/.stamp-dev
+BENCH := $(VENV)/.stamp-bench
+
+$(BASE):
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 10))' 2>/dev/null || { \
+	    echo "ipm_rs needs Python 3.10 or newer; '$(PYTHON)' is: $$($(PYTHON) --version 2>&1)" >&2; \
+	    echo "Name another one: make PYTHON=/path/to/python3.12 $(MAKECMDGOALS)" >&2; exit 1; }
+	$(PYTHON) -m venv $(VENV)
+	$(PIP) install --quiet --upgrade 'pip>=25.1' # the first pip that installs dependency groups (PEP 735)
+	@touch $@
+
+$(VENV)/.stamp-%: pyproject.toml $(BASE)
+	$(PIP) install --quiet --group $*
+	@touch $@
+
+.PHONY: venv
+venv: $(BUILD) $(DEV) ## Make .venv with everything that development needs
+
+# ---------------------------------------------------------------- build
+# Directories are listed beside files, so that a removed file counts as a change too.
+
+SOURCES := Cargo.toml pyproject.toml README.md $(wildcard Cargo.lock LICENSE-*) $(shell find src python \
+    \( -name __pycache__ -o -name '.?*' \) -prune -o \( -type d -o -name '*.rs' -o -name '*.py' -o -name '*.pyi' -o -name py.typed \) -print)
+WHEEL     := dist/.stamp-wheel
+INSTALLED := $(VENV)/.stamp-installed
+
+# The stamp carries the time at which the build began: a file saved while it ran is built the next time.
+$(WHEEL): $(SOURCES) $(BUILD)
+	@command -v $(CARGO) >/dev/null || { echo "cargo was not found: install Rust from https://rustup.rs" >&2; exit 1; }
+	@mkdir -p dist
+	@touch dist/.stamp-begin
+	rm -f dist/*.whl python/ipm_rs/*.so python/ipm_rs/*.pyd # a stale extension would win over the new one
+	$(PY) -m maturin build --release --quiet --out dist --interpreter $(PY) $(LOCKED)
+	@mv dist/.stamp-begin $@
+
+$(INSTALLED): $(WHEEL)
+	$(PIP) uninstall -qq --yes ipm-rs
+	$(PIP) install --quiet "$$(ls dist/ipm_rs-*.whl)[cli]"
+	@touch $@
+
+.PHONY: build demo
+build: $(INSTALLED) ## Build the release wheel into dist/ and install it into .venv
+	@ls -l dist/*.whl
+
+demo: $(INSTALLED) ## Build, then render a synthetic road and its bird's-eye view into ipm_demo.png
+	$(VENV)/bin/ipm-rs demo
+
+# ---------------------------------------------------------------- checks
+
+.PHONY: test lint typecheck test-rust test-python examples snippets bench-smoke
+# pytest comes last: its summary is the closing line.
+test: lint typecheck test-rust docs examples snippets bench-smoke test-python ## Everything that must pass before a commit
+
+lint: $(DEV) ## Formatting and lints of Rust and Python
+	$(CARGO) fmt --check
+	$(CARGO) clippy $(LOCKED) --all-targets -- -D warnings
+	$(CARGO) clippy $(LOCKED) --all-targets --features python -- -D warnings
+	$(VENV)/bin/ruff check .
+	$(VENV)/bin/ruff format --check .
+
+typecheck: $(DEV) $(INSTALLED) ## mypy over the Python sources, and the stubs against the installed module
+	MYPYPATH=python $(PY) -m mypy -p ipm_rs
+	$(PY) -m mypy.stubtest ipm_rs._core
+
+# Default features only. `cargo test --features python` would link a test program against CPython's symbols, which an
+# extension module leaves to the interpreter that loads it; the binding is tested from Python instead.
+test-rust: ## Rust unit, integration, property and documentation tests
+	$(CARGO) test $(LOCKED)
+
+test-python: $(DEV) $(INSTALLED) ## pytest against the installed wheel
+	$(PY) -W error scripts/smoke.py
+	$(VENV)/bin/pytest $(ARGS)
+
+examples: $(DEV) $(INSTALLED) ## Run every script of examples/; each asserts its own result
+	@set -e; for script in examples/*.py; do echo "$(PY) $$script"; $(PY) -W error $$script; done
+
+snippets: $(DEV) $(INSTALLED) ## Run the Python blocks of the README and of the documentation
+	$(PY) -W error scripts/run_snippets.py README.md docs/index.md docs/conventions.md
+
+bench-smoke: $(DEV) $(INSTALLED)
+	$(PY) benches/python/peers.py --quick
+
+.PHONY: test-pythons sdist
+test-pythons: $(WHEEL) ## Install the wheel with NumPy alone into every Python 3.10+ found here, and try it
+	$(PY) scripts/test_pythons.py dist/ipm_rs-*.whl
+
+sdist: $(BUILD) ## Build the source distribution, and a wheel from it as pip would
+	rm -rf target/sdist
+	$(PY) -m maturin sdist --out target/sdist
+	@if tar tzf target/sdist/ipm_rs-*.tar.gz | grep -E '/(\.venv|target|dist|site)/'; then \
+	    echo "the source distribution holds files that make made (above): see 'include' in Cargo.toml" >&2; exit 1; fi
+	CARGO_TARGET_DIR=$(CURDIR)/target $(PIP) wheel --quiet --no-deps --wheel-dir target/sdist target/sdist/ipm_rs-*.tar.gz
+	@ls -l target/sdist
+
+# ---------------------------------------------------------------- benchmarks, documentation
+
+.PHONY: bench bench-peers docs fmt clean
+bench: ## Criterion benchmarks of the Rust core: make bench ARGS="warp"
+	$(CARGO) bench $(LOCKED) -- $(ARGS)
+
+bench-peers: $(BENCH) $(INSTALLED) ## Compare with OpenCV and other libraries; rewrites docs/benchmarks.md
+	$(PY) benches/python/peers.py --write docs/benchmarks.md
+
+docs: $(DEV) ## Build the documentation into site/, and the Rust documentation into target/doc
+	RUSTDOCFLAGS="-D warnings" $(CARGO) doc $(LOCKED) --quiet --no-deps
+	$(PY) -m mkdocs build --quiet --strict
+
+fmt: $(DEV) ## Format Rust and Python
+	$(CARGO) fmt
+	$(VENV)/bin/ruff check --fix .
+	$(VENV)/bin/ruff format .
+
+clean: ## Remove everything that make made, .venv included
+	rm -rf target dist site $(VENV) .mypy_cache .pytest_cache .ruff_cache .hypothesis
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -1,0 +1,226 @@
+"""One function per way of warping: it prepares everything that a user would prepare once, and returns the call to time.
+
+An adapter returns None for a job that its library cannot do. Results are written into memory that is allocated
+beforehand wherever the library takes it; nobody is charged for a conversion that a pipeline would not need.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from importlib import import_module
+from types import ModuleType
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+import ipm_rs
+from jobs import RESOLUTION, Job, Scene, X, Y
+
+Call = Callable[[], NDArray[np.generic]]
+Adapter = Callable[[Scene, Job, NDArray[np.generic], int], Call | None]
+
+
+def installed(name: str) -> ModuleType | None:
+    """Import an optional library, or return None."""
+    try:
+        return import_module(name)
+    except ImportError:
+        return None
+
+
+def _out(scene: Scene, job: Job) -> NDArray[np.generic]:
+    return np.zeros((*scene.shape, *job.shape_suffix), job.dtype)
+
+
+def _dsize(scene: Scene) -> tuple[int, int]:
+    return scene.shape[1], scene.shape[0]
+
+
+def _cv2_flag(job: Job) -> int:
+    return cv2.INTER_LINEAR if job.interpolation == "bilinear" else cv2.INTER_NEAREST
+
+
+# ---------------------------------------------------------------- warping
+
+
+def ipm(scene: Scene, job: Job, image: NDArray[np.generic], threads: int) -> Call:
+    out = _out(scene, job)
+    return lambda: scene.lut.warp(image, interpolation=job.interpolation, out=out, threads=threads)
+
+
+def cv2_remap(scene: Scene, job: Job, image: NDArray[np.generic], threads: int) -> Call:
+    map_x, map_y = scene.maps
+    flag, out = _cv2_flag(job), _out(scene, job)
+    return lambda: cv2.remap(image, map_x, map_y, flag, dst=out)
+
+
+def cv2_remap_fixed(scene: Scene, job: Job, image: NDArray[np.generic], threads: int) -> Call:
+    fixed = cv2.convertMaps(*scene.maps, cv2.CV_16SC2, nninterpolation=job.interpolation == "nearest")
+    flag, out = _cv2_flag(job), _out(scene, job)
+    return lambda: cv2.remap(image, fixed[0], fixed[1], flag, dst=out)
+
+
+def cv2_warp_perspective(scene: Scene, job: Job, image: NDArray[np.generic], threads: int) -> Call:
+    matrix, size, out = scene.homography, _dsize(scene), _out(scene, job)
+    flags = _cv2_flag(job) | cv2.WARP_INVERSE_MAP
+    return lambda: cv2.warpPerspective(image, matrix, size, dst=out, flags=flags)
+
+
+def numpy_reference(scene: Scene, job: Job, image: NDArray[np.generic], threads: int) -> Call | None:
+    if threads > 1:
+        return None  # it has no threads
+    map_x, map_y = scene.uv
+    remap = getattr(ipm_rs.reference, f"remap_{job.interpolation}")
+    return lambda: remap(image, map_x, map_y)
+
+
+def kornia_rs(scene: Scene, job: Job, image: NDArray[np.generic], threads: int) -> Call | None:
+    library = installed("kornia_rs.imgproc")
+    if library is None or job.dtype != "uint8" or job.channels != 3:
+        return None
+    # Source -> output; threads come from RAYON_NUM_THREADS, which peers.py sets.
+    matrix = tuple(np.linalg.inv(scene.homography).ravel())
+    return lambda: library.warp_perspective(image, matrix, scene.shape, job.interpolation)
+
+
+def torch_grid_sample(scene: Scene, job: Job, image: NDArray[np.generic], threads: int) -> Call | None:
+    torch = installed("torch")
+    if torch is None or job.dtype != "float32":
+        return None
+    torch.set_num_threads(threads)
+    source = torch.from_numpy(np.ascontiguousarray(image.transpose(2, 0, 1)))[None]
+    size = np.array(scene.source_size, dtype=np.float64)
+    normalised = 2 * np.stack(scene.uv, axis=-1) / (size - 1) - 1
+    grid = torch.from_numpy(normalised.astype(np.float32))[None]
+    sample = torch.nn.functional.grid_sample
+    options = {"mode": job.interpolation, "padding_mode": "zeros", "align_corners": True}
+    # The result stays in (channels, rows, columns) while it is timed; the transposed view costs nothing.
+    return lambda: sample(source, grid, **options)[0].permute(1, 2, 0).numpy()
+
+
+def scipy_map_coordinates(scene: Scene, job: Job, image: NDArray[np.generic], threads: int) -> Call | None:
+    ndimage = installed("scipy.ndimage")
+    if ndimage is None or threads > 1:
+        return None
+    coordinates = np.stack(scene.uv[::-1])
+    order = 1 if job.interpolation == "bilinear" else 0
+    if job.channels == 1:
+        out = _out(scene, job)
+        return lambda: ndimage.map_coordinates(image, coordinates, out, order=order, prefilter=False)
+    planes = [np.ascontiguousarray(image[..., channel]) for channel in range(job.channels)]
+    outs = np.zeros((job.channels, *scene.shape), job.dtype)
+
+    def call() -> NDArray[np.generic]:
+        for plane, out in zip(planes, outs, strict=True):
+            ndimage.map_coordinates(plane, coordinates, out, order=order, prefilter=False)
+        return outs.transpose(1, 2, 0)
+
+    return call
+
+
+def skimage_warp(scene: Scene, job: Job, image: NDArray[np.generic], threads: int) -> Call | None:
+    transform = installed("skimage.transform")
+    if transform is None or threads > 1:
+        return None
+    options = {"output_shape": scene.shape, "order": 1 if job.interpolation == "bilinear" else 0}
+    return lambda: transform.warp(image, scene.homography, preserve_range=True, clip=False, **options)
+
+
+def pillow_transform(scene: Scene, job: Job, image: NDArray[np.generic], threads: int) -> Call | None:
+    library = installed("PIL.Image")
+    if library is None or threads > 1 or job.dtype != "uint8":
+        return None
+    # Pillow counts pixels from their corners: shift by half a pixel on both sides.
+    half = np.array([[1.0, 0.0, 0.5], [0.0, 1.0, 0.5], [0.0, 0.0, 1.0]])
+    matrix = half @ scene.homography @ np.linalg.inv(half)
+    data = tuple((matrix / matrix[2, 2]).ravel()[:8])
+    filters = library.Resampling
+    resample = filters.BILINEAR if job.interpolation == "bilinear" else filters.NEAREST
+    source, size, method = library.fromarray(image), _dsize(scene), library.Transform.PERSPECTIVE
+    return lambda: np.asarray(source.transform(size, method, data, resample))
+
+
+OURS = "ipm_rs"
+WARPS: dict[str, Adapter] = {
+    OURS: ipm,
+    "OpenCV remap, float32 maps": cv2_remap,
+    "OpenCV remap, CV_16SC2 maps": cv2_remap_fixed,
+    "OpenCV warpPerspective": cv2_warp_perspective,
+    "kornia-rs warp_perspective": kornia_rs,
+    "torch grid_sample": torch_grid_sample,
+    "Pillow transform": pillow_transform,
+    "scikit-image warp": skimage_warp,
+    "SciPy map_coordinates": scipy_map_coordinates,
+    "NumPy, ipm_rs.reference": numpy_reference,
+}
+
+# ---------------------------------------------------------------- building the table
+# Each call goes from the calibration to float32 maps (or to what else a library warps with). The maps of the general
+# libraries hold no validity: they continue behind the camera.
+
+Build = Callable[[], tuple[NDArray[np.generic], NDArray[np.generic]] | None]
+
+
+def build_ipm(scene: Scene, threads: int) -> Build:
+    ipm_rs.set_num_threads(threads)
+
+    def call() -> None:
+        ipm_rs.Lut(scene.camera, scene.grid)
+
+    return call
+
+
+def build_numpy(scene: Scene, threads: int) -> Build | None:
+    if threads > 1:
+        return None
+    camera, reference = scene.camera, ipm_rs.reference
+
+    def call() -> tuple[NDArray[np.generic], NDArray[np.generic]]:
+        xy = reference.grid_xy(X, Y, RESOLUTION, "corner")
+        return reference.maps(camera.intrinsics, camera.camera_from_vehicle, camera.image_size, xy)
+
+    return call
+
+
+def build_cv2_perspective(scene: Scene, threads: int) -> Build:
+    rows, columns = scene.shape
+
+    def call() -> tuple[NDArray[np.generic], NDArray[np.generic]]:
+        cells = np.empty((rows, columns, 2), np.float32)
+        cells[..., 0] = np.arange(columns)
+        cells[..., 1] = np.arange(rows)[:, None]
+        return cv2.split(cv2.perspectiveTransform(cells, scene.homography))
+
+    return call
+
+
+def build_cv2_rectify(scene: Scene, threads: int) -> Build:
+    camera, no_lens, no_rotation = scene.camera.intrinsics, np.zeros(4), np.eye(3)
+
+    def call() -> tuple[NDArray[np.generic], NDArray[np.generic]]:
+        # Its "new camera matrix" may be any homography: this one makes the maps those of the ground plane.
+        new = np.linalg.inv(np.linalg.inv(camera) @ scene.homography)
+        return cv2.initUndistortRectifyMap(camera, no_lens, no_rotation, new, _dsize(scene), cv2.CV_32FC1)
+
+    return call
+
+
+def build_cv2_homography(scene: Scene, threads: int) -> Build:
+    rows, columns = scene.shape
+    cells = np.array([[0, 0], [columns - 1, 0], [columns - 1, rows - 1], [0, rows - 1]], np.float32)
+    pixels = cv2.perspectiveTransform(cells[None], scene.homography)[0]
+
+    def call() -> None:
+        cv2.getPerspectiveTransform(cells, pixels)
+
+    return call
+
+
+BUILDS = {
+    OURS: build_ipm,
+    "OpenCV initUndistortRectifyMap": build_cv2_rectify,
+    "OpenCV perspectiveTransform of the cells": build_cv2_perspective,
+    "OpenCV getPerspectiveTransform (no table)": build_cv2_homography,
+    "NumPy, ipm_rs.reference": build_numpy,
+}

@@ -1,0 +1,131 @@
+"""What is measured: one real geometry, one textured image, six jobs, and the exact answer to each.
+
+The geometry is the "seed job": a Cityscapes camera (2048 x 1024) and the road from 7 to 50 m ahead and 10 m to either
+side, in 860 x 800 cells of 5 x 2.5 cm sampled at their corners.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+import ipm_rs
+
+CALIBRATION = {
+    "extrinsic": {"x": 1.7, "y": 0.02624, "z": 1.2124, "roll": 0.0, "pitch": 0.0384256, "yaw": -0.0097268},
+    "intrinsic": {"fx": 2263.54773399985, "fy": 2250.3728170599807, "u0": 1079.0175620000632, "v0": 515.006600600019},
+}
+X, Y, RESOLUTION = (7, 50), (-10, 10), (0.05, 0.025)
+
+
+@dataclass(frozen=True)
+class Job:
+    """One kind of image under one interpolation, and how far from the exact answer a result may be."""
+
+    name: str
+    dtype: str
+    channels: int
+    interpolation: str
+    tolerance: float  # bilinear: largest difference, in units of the image; nearest: largest share of other pixels
+
+    @property
+    def shape_suffix(self) -> tuple[int, ...]:
+        """The channel axis, which images of one channel do not have."""
+        return () if self.channels == 1 else (self.channels,)
+
+
+JOBS = (
+    Job("uint8 x 3, bilinear", "uint8", 3, "bilinear", 1.0),
+    Job("uint8 x 1, bilinear", "uint8", 1, "bilinear", 1.0),
+    Job("uint16 x 1, bilinear", "uint16", 1, "bilinear", 64.0),
+    Job("float32 x 3, bilinear", "float32", 3, "bilinear", 0.25),
+    Job("uint8 x 3, nearest", "uint8", 3, "nearest", 0.001),
+    Job("uint8 x 1, nearest", "uint8", 1, "nearest", 0.001),
+)
+"""Images span 0..255, uint16 spans 0..65535, so the bilinear tolerances are 1, 1, 1/4 and 1/4 of a grey level in 256.
+
+They leave room for coordinates in float32 (about 1e-4 px, which noise of full contrast turns into 0.03 levels), not
+for coordinates in steps of 1/32 px. Under nearest, the same coordinates may flip a pixel whose position is a near tie.
+"""
+
+
+class Scene:
+    """Camera, grid and coordinates, in every form that some library wants. Nothing here is timed."""
+
+    def __init__(self) -> None:
+        self.camera = ipm_rs.Camera.from_cityscapes(CALIBRATION)
+        self.grid = ipm_rs.BevGrid(x=X, y=Y, resolution=RESOLUTION, sample_at="corner")
+        self.lut = ipm_rs.Lut(self.camera, self.grid)
+
+    @property
+    def source_size(self) -> tuple[int, int]:
+        """Width and height of the image, pixels."""
+        return self.camera.image_size
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns of the bird's-eye view."""
+        return self.grid.shape
+
+    @cached_property
+    def homography(self) -> NDArray[np.float64]:
+        """Output pixel (column, row, 1) -> source pixel, scaled so that the last entry is 1."""
+        (x_max, y_max), (dx, dy) = (X[1], Y[1]), RESOLUTION
+        ground_from_cell = np.array([[0.0, -dx, x_max], [-dy, 0.0, y_max], [0.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+        matrix = self.camera.intrinsics @ self.camera.camera_from_vehicle[:3] @ ground_from_cell
+        return matrix / matrix[2, 2]
+
+    @cached_property
+    def uv(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Source coordinates of every cell in float64; this camera has the whole grid in front of it."""
+        rows, columns = self.shape
+        column, row = np.arange(columns), np.arange(rows)[:, None]
+        u, v, w = (a * column + b * row + c for a, b, c in self.homography)
+        return u / w, v / w
+
+    @cached_property
+    def maps(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """The same in float32, as `cv2.remap` takes them."""
+        u, v = self.uv
+        return u.astype(np.float32), v.astype(np.float32)
+
+    @cached_property
+    def inside(self) -> NDArray[np.bool_]:
+        """Cells that every library must agree about: inside the image by more than the error of float32 coordinates."""
+        (u, v), (width, height), margin = self.uv, self.source_size, 1e-2
+        return (u > margin) & (u < width - 1 - margin) & (v > margin) & (v < height - 1 - margin)
+
+    def image(self, job: Job) -> NDArray[np.generic]:
+        """Texture with a fixed seed: stripes and a gradient, so that structure can move, and noise on every pixel."""
+        width, height = self.source_size
+        column, row = np.arange(width), np.arange(height)[:, None]
+        structure = 40 * ((column // 23 + row // 17) % 2) + 30 * column / width + 25 * row / height  # 0 to 95
+        noise = np.random.default_rng(20240229).integers(0, 161, (height, width, *job.shape_suffix))
+        grey = structure.reshape(height, width, *(1 for _ in job.shape_suffix)) + noise
+        if job.dtype == "uint16":
+            grey = grey * 257
+        return np.ascontiguousarray(grey.astype(job.dtype))
+
+    def exact(self, job: Job, image: NDArray[np.generic]) -> NDArray[np.float64]:
+        """Compute the answer in float64 at the cells of `inside`, from the definition and nobody's table."""
+        u, v = (coordinate[self.inside] for coordinate in self.uv)
+        if job.interpolation == "nearest":
+            return image[np.rint(v).astype(int), np.rint(u).astype(int)].astype(np.float64)
+        column, row = np.floor(u).astype(int), np.floor(v).astype(int)
+        a, b = ((part - whole).reshape(-1, *(1 for _ in job.shape_suffix)) for part, whole in ((u, column), (v, row)))
+        top = image[row, column] * (1 - a) + image[row, column + 1] * a
+        bottom = image[row + 1, column] * (1 - a) + image[row + 1, column + 1] * a
+        return top * (1 - b) + bottom * b
+
+    def error(self, job: Job, exact: NDArray[np.float64], answer: NDArray[np.generic]) -> float:
+        """How far `answer` is from `exact`: the largest difference, or under nearest the share of other pixels."""
+        expected = (*self.shape, *job.shape_suffix)
+        if answer.shape != expected:
+            raise ValueError(f"expected a result of shape {expected}, got {answer.shape}")
+        difference = np.abs(answer[self.inside].astype(np.float64) - exact)
+        if job.interpolation == "nearest":
+            return float((difference > 0).reshape(len(difference), -1).any(axis=1).mean())
+        return float(difference.max())

@@ -1,0 +1,155 @@
+"""From measurements to docs/benchmarks.md."""
+
+from __future__ import annotations
+
+import os
+import platform
+import subprocess
+import sys
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import ipm_rs
+from adapters import OURS
+
+PACKAGES = (
+    "numpy",
+    "opencv-python-headless",
+    "opencv-python",
+    "kornia-rs",
+    "torch",
+    "pillow",
+    "scikit-image",
+    "scipy",
+)
+
+HEAD = """\
+# Benchmarks
+
+<!-- Written by `make bench-peers`; do not edit by hand. -->
+
+The job is one frame of a Cityscapes camera, 2048 x 1024, warped to the road from 7 to 50 m ahead and 10 m to either
+side: 860 x 800 cells of 5 x 2.5 cm. {coverage:.0%} of the cells see the image. The picture is structure plus seeded
+noise on every pixel, so that neither caches nor weights are easy.
+
+`make bench-peers` measures all of it again on your machine and rewrites this page.
+
+{environment}
+
+"""
+
+METHOD = """\
+## How it was measured
+
+* Every answer is checked before anything is timed: against the definition in float64, at all cells that lie inside the
+  image by 0.01 px. *Error* is the largest difference, in units of the image (0 to 255; 0 to 65535 for uint16); for
+  nearest it is the share of cells that took another pixel. What exceeds the tolerance is marked "no", and is timed
+  but not compared with in the first table. Tolerances: one grey level for uint8, a quarter of a grey level in 256 for
+  uint16 and float32, 0.1 % of the cells for nearest.
+* All libraries run in one process per thread count, interleaved: in each round each call runs once untimed and four
+  times timed, in rotating order, garbage collection off. Slow libraries take part in fewer rounds.
+* Results go into memory allocated beforehand where the library takes it (ipm_rs, OpenCV, SciPy). Maps, tables,
+  tensors and planes are prepared beforehand for everyone.
+* *Ratio* is the median of the other library divided by the median of ipm_rs.
+* scikit-image, SciPy, Pillow and the NumPy reference have no threads and appear under one thread only.
+"""
+
+
+def environment() -> list[str]:
+    """Describe machine, versions and commit, as Markdown list items."""
+    versions = []
+    for package in PACKAGES:
+        try:
+            versions.append(f"{package} {metadata.version(package)}")
+        except metadata.PackageNotFoundError:
+            continue
+    return [
+        f"* ipm_rs {ipm_rs.__version__}, commit {_commit()}, instruction set {ipm_rs.cpu_info()['isa']}",
+        f"* {_cpu()}, {len(_affinity())} CPUs, {platform.system()} {platform.machine()}",
+        f"* Python {platform.python_version()}, {', '.join(versions)}",
+    ]
+
+
+def page(results: dict[str, Any]) -> str:
+    """Render the whole page."""
+    parts = [HEAD.format(coverage=results["coverage"], environment="\n".join(results["environment"]))]
+    parts.append("## ipm_rs and the fastest OpenCV variant that gives the right answer\n\n")
+    parts.append("Medians. A ratio above 1 means that ipm_rs is faster; where it is slower the ratio is bold.\n\n")
+    parts.append(_table(["job", "threads", "ipm_rs, ms", "OpenCV, ms", "ratio", "which"], _summary(results)))
+    for threads, jobs in results["warps"].items():
+        for job, rows in jobs.items():
+            parts.append(f"\n## {job}, {_threads(threads)}\n\n")
+            header = ["", "median, ms", "min", "p95", "ratio", "error", "agrees"]
+            parts.append(_table(header, _details(rows)))
+    for threads, rows in results["builds"].items():
+        parts.append(f"\n## From calibration to table, {_threads(threads)}\n\n")
+        parts.append(_table(["", "median, ms", "min", "p95", "ratio"], [row[:5] for row in _details(rows)]))
+    parts.append(
+        "\nipm_rs builds a packed table with a validity mask; the others give maps that do not know where the image or"
+        "\nthe front of the camera ends, except the NumPy reference. `getPerspectiveTransform` solves for nine numbers"
+        "\nfrom four points, after which OpenCV computes every coordinate again in each `warpPerspective`.\n\n"
+    )
+    return "".join(parts) + METHOD
+
+
+def _summary(results: dict[str, Any]) -> list[list[str]]:
+    lines = []
+    for threads, jobs in results["warps"].items():
+        for job, rows in jobs.items():
+            rivals = {name: row for name, row in rows.items() if name.startswith("OpenCV") and row["agrees"]}
+            ours = rows[OURS]["median"]
+            name = min(rivals, key=lambda name: rivals[name]["median"])
+            theirs = rivals[name]["median"]
+            lines.append([job, threads, f"{ours:.2f}", f"{theirs:.2f}", _ratio(theirs, ours), name.split(" ", 1)[1]])
+    return lines
+
+
+def _details(rows: dict[str, Any]) -> list[list[str]]:
+    ours = rows[OURS]["median"]
+    lines = []
+    for name, row in sorted(rows.items(), key=lambda item: item[1]["median"]):
+        times = [f"{row[key]:.3g}" if row[key] < 100 else f"{row[key]:.0f}" for key in ("median", "minimum", "p95")]
+        ratio = "" if name == OURS else _ratio(row["median"], ours)
+        agrees = {True: "yes", False: "**no**", None: ""}[row.get("agrees")]
+        lines.append([name, *times, ratio, row.get("error", ""), agrees])
+    return lines
+
+
+def _ratio(theirs: float, ours: float) -> str:
+    ratio = theirs / ours
+    text = f"{ratio:.2f}" if ratio < 10 else f"{ratio:.0f}"
+    return text if ratio >= 1 else f"**{text}**"
+
+
+def _table(header: list[str], rows: list[list[str]]) -> str:
+    words = {"", "job", "which"}
+    align = ["---" if name in words else "---:" for name in header]
+    return "".join("| " + " | ".join(map(str, cells)) + " |\n" for cells in [header, align, *rows])
+
+
+def _threads(threads: str) -> str:
+    return "one thread" if threads == "1" else f"{threads} threads"
+
+
+def _affinity() -> set[int]:
+    return os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") else set(range(os.cpu_count() or 1))
+
+
+def _cpu() -> str:
+    if sys.platform == "linux":
+        for line in Path("/proc/cpuinfo").read_text().splitlines():
+            if line.startswith("model name"):
+                return line.split(":", 1)[1].strip()
+    return platform.processor() or platform.machine()
+
+
+def _commit() -> str:
+    def git(*arguments: str) -> str:
+        command = ["git", "-C", str(Path(__file__).parent), *arguments]
+        return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
+
+    try:
+        return git("rev-parse", "--short", "HEAD") + (" with changes" if git("status", "--porcelain", "-uno") else "")
+    except (OSError, subprocess.CalledProcessError):
+        return "unknown"

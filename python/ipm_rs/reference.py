@@ -1,0 +1,481 @@
+"""The whole path in plain NumPy: the oracle that the Rust core is tested against.
+
+Four steps, each a few lines, written for obviousness and not for speed:
+
+1. calibration numbers -> matrices: :func:`intrinsic_matrix`, :func:`rotation_from_euler`, :func:`camera_from_euler`;
+2. metric grid -> ground points: :func:`grid_shape`, :func:`grid_xy`;
+3. points -> pixels and back: :func:`project`, :func:`ground_from_pixels`, and :func:`maps` for a whole grid;
+4. image + maps -> bird's-eye view: :func:`remap_nearest`, :func:`remap_bilinear`, with :func:`valid_mask`.
+
+:func:`flip_handedness` and its kin convert between left- and right-handed frames.
+
+Conventions are those of the package. Vehicle frame: ISO 8855 (x forward, y left, z up), metres. Camera frame: OpenCV
+optical (x right, y down, z forward). Pixel (0, 0) is the centre of the top-left pixel. Transforms are named
+``dst_from_src`` and act on column vectors. Angles are radians. Sizes are (width, height), shapes are (rows, columns).
+
+Everything is computed in float64. The module needs NumPy alone and takes nothing from the compiled core, so an
+agreement between the two is evidence. Arguments are trusted: the checks and the typed errors are the core's job.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+__all__ = [
+    "OPTICAL_FROM_FLU",
+    "camera_from_euler",
+    "flip_handedness",
+    "flip_handedness_euler",
+    "flip_handedness_pose",
+    "flip_handedness_rotation",
+    "grid_shape",
+    "grid_xy",
+    "ground_from_pixels",
+    "intrinsic_matrix",
+    "maps",
+    "project",
+    "remap_bilinear",
+    "remap_nearest",
+    "rotation_from_euler",
+    "valid_mask",
+]
+
+OPTICAL_FROM_FLU: NDArray[np.float64] = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
+"""Change of axes from forward-left-up to right-down-forward: camX = -Y, camY = -Z, camZ = X."""
+
+# ---------------------------------------------------------------------------------------------------------------------
+# 1. Calibration numbers -> matrices
+
+
+def intrinsic_matrix(fx: float, fy: float, u0: float, v0: float) -> NDArray[np.float64]:
+    """Pinhole matrix K from focal lengths and principal point.
+
+    Parameters
+    ----------
+    fx, fy : float
+        Focal lengths, pixels.
+    u0, v0 : float
+        Principal point, pixels, counted from the centre of the top-left pixel.
+
+    Returns
+    -------
+    ndarray, shape (3, 3), float64
+        ``[[fx, 0, u0], [0, fy, v0], [0, 0, 1]]``.
+    """
+    return np.array([[fx, 0.0, u0], [0.0, fy, v0], [0.0, 0.0, 1.0]], dtype=np.float64)
+
+
+def rotation_from_euler(roll: float, pitch: float, yaw: float) -> NDArray[np.float64]:
+    """Rotation matrix ``Rz(yaw) Ry(pitch) Rx(roll)`` (ISO 8855, right-hand rule about each axis).
+
+    For a camera on a vehicle this is the attitude ``vehicle_from_camera`` before the change to optical axes: positive
+    pitch looks down, positive yaw turns left, positive roll lifts the left side. It is equation (3) of the Cityscapes
+    calibration document (csCalibration.pdf).
+
+    Parameters
+    ----------
+    roll, pitch, yaw : float
+        Angles about x, y and z, radians.
+
+    Returns
+    -------
+    ndarray, shape (3, 3), float64
+    """
+    cr, sr = np.cos(roll), np.sin(roll)
+    cp, sp = np.cos(pitch), np.sin(pitch)
+    cy, sy = np.cos(yaw), np.sin(yaw)
+    about_x = np.array([[1.0, 0.0, 0.0], [0.0, cr, -sr], [0.0, sr, cr]])
+    about_y = np.array([[cp, 0.0, sp], [0.0, 1.0, 0.0], [-sp, 0.0, cp]])
+    about_z = np.array([[cy, -sy, 0.0], [sy, cy, 0.0], [0.0, 0.0, 1.0]])
+    rotation: NDArray[np.float64] = about_z @ about_y @ about_x
+    return rotation
+
+
+def camera_from_euler(
+    position: ArrayLike, roll: float = 0.0, pitch: float = 0.0, yaw: float = 0.0
+) -> NDArray[np.float64]:
+    """Pose ``camera_from_vehicle`` of a camera that stands at `position` with the given attitude.
+
+    ``R = (Rz(yaw) Ry(pitch) Rx(roll))^T`` and ``t = -R C`` (csCalibration.pdf), then the axes change from
+    forward-left-up to optical.
+
+    Parameters
+    ----------
+    position : array_like, shape (3,)
+        Camera centre C in the vehicle frame, metres.
+    roll, pitch, yaw : float
+        Attitude in the vehicle frame, radians; see :func:`rotation_from_euler`.
+
+    Returns
+    -------
+    ndarray, shape (4, 4), float64
+        Homogeneous matrix that takes vehicle-frame points to the optical camera frame.
+    """
+    rotation = OPTICAL_FROM_FLU @ rotation_from_euler(roll, pitch, yaw).T
+    pose = np.eye(4)
+    pose[:3, :3] = rotation
+    pose[:3, 3] = -rotation @ np.asarray(position, dtype=np.float64)
+    return pose
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# 2. Grid -> ground points
+
+
+def grid_shape(
+    x: tuple[float, float], y: tuple[float, float], resolution: float | tuple[float, float]
+) -> tuple[int, int]:
+    """Rows and columns of a metric grid.
+
+    Parameters
+    ----------
+    x, y : (float, float)
+        Range ahead and to the left, metres, lower end first.
+    resolution : float or (float, float)
+        Cell size along x and along y, metres; one number serves both.
+
+    Returns
+    -------
+    (int, int)
+        ``(rows, columns)``: 43 m in cells of 0.05 m are 860 rows.
+
+    Raises
+    ------
+    ValueError
+        If a range is not a whole number of cells to 1e-6 of a cell.
+    """
+    dx, dy = np.broadcast_to(np.asarray(resolution, dtype=np.float64), 2)
+    cells = np.array([(x[1] - x[0]) / dx, (y[1] - y[0]) / dy])
+    whole = np.round(cells)
+    if not np.all(np.abs(cells - whole) <= 1e-6) or not np.all(whole >= 1):
+        raise ValueError(f"expected ranges of whole cells, got {cells[0]:.9g} x {cells[1]:.9g} cells")
+    return int(whole[0]), int(whole[1])
+
+
+def grid_xy(
+    x: tuple[float, float],
+    y: tuple[float, float],
+    resolution: float | tuple[float, float],
+    sample_at: str = "center",
+) -> NDArray[np.float64]:
+    """Ground position of every cell's sample; row 0 is farthest ahead, column 0 leftmost.
+
+    Parameters
+    ----------
+    x, y : (float, float)
+        Range ahead and to the left, metres, lower end first.
+    resolution : float or (float, float)
+        Cell size along x and along y, metres.
+    sample_at : {"center", "corner"}
+        ``"corner"`` samples the far left corner of each cell: ``X_i = x_max - i dx``, ``Y_j = y_max - j dy``.
+        ``"center"`` samples half a cell nearer and further right.
+
+    Returns
+    -------
+    ndarray, shape (rows, columns, 2), float64
+        X and Y in the vehicle frame, metres.
+    """
+    dx, dy = np.broadcast_to(np.asarray(resolution, dtype=np.float64), 2)
+    rows, columns = grid_shape(x, y, resolution)
+    offset = {"center": 0.5, "corner": 0.0}[sample_at]
+    ahead = x[1] - dx * (np.arange(rows) + offset)
+    left = y[1] - dy * (np.arange(columns) + offset)
+    return np.stack(np.meshgrid(ahead, left, indexing="ij"), axis=-1)
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# 3. Points -> pixels and back
+
+
+def project(
+    points: ArrayLike, K: ArrayLike, camera_from_vehicle: ArrayLike, image_size: tuple[int, int]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
+    """Pixels of vehicle-frame points through a pinhole camera: ``depth [u, v, 1]^T = K (R p + t)``.
+
+    Parameters
+    ----------
+    points : array_like, shape (..., 3)
+        Points in the vehicle frame, metres.
+    K : array_like, shape (3, 3)
+        Pinhole matrix, pixels.
+    camera_from_vehicle : array_like, shape (4, 4)
+        Pose.
+    image_size : (int, int)
+        Width and height, pixels.
+
+    Returns
+    -------
+    uv : ndarray, shape (..., 2), float64
+        Pixel coordinates, exact also outside the image; NaN only where a point has no image because it is not in
+        front of the camera or not finite.
+    depth : ndarray, shape (...), float64
+        z in the camera frame, metres; negative behind the camera.
+    valid : ndarray, shape (...), bool
+        True where the pixel lies in the rectangle of pixel centres, ``[0, w - 1] x [0, h - 1]``.
+    """
+    points = np.asarray(points, dtype=np.float64)
+    pose = np.asarray(camera_from_vehicle, dtype=np.float64)
+    in_camera = points @ pose[:3, :3].T + pose[:3, 3]
+    depth = in_camera[..., 2]
+    with np.errstate(all="ignore"):
+        uv = (in_camera @ np.asarray(K, dtype=np.float64).T)[..., :2] / depth[..., np.newaxis]
+    has_image = (depth > 0) & np.isfinite(uv).all(axis=-1)
+    uv = np.where(has_image[..., np.newaxis], uv, np.nan)
+    return uv, depth, valid_mask(uv[..., 0], uv[..., 1], image_size)
+
+
+def ground_from_pixels(
+    uv: ArrayLike, K: ArrayLike, camera_from_vehicle: ArrayLike, ground: float = 0.0
+) -> NDArray[np.float64]:
+    """Points where the rays of pixels meet the horizontal road ``z = ground``.
+
+    The ray leaves the camera centre C along ``d = R^-1 K^-1 [u, v, 1]^T`` and meets the road at ``C + s d`` with
+    ``s = (ground - C_z) / d_z``.
+
+    Parameters
+    ----------
+    uv : array_like, shape (..., 2)
+        Pixels.
+    K : array_like, shape (3, 3)
+        Pinhole matrix, pixels.
+    camera_from_vehicle : array_like, shape (4, 4)
+        Pose.
+    ground : float
+        Height of the road in the vehicle frame, metres.
+
+    Returns
+    -------
+    ndarray, shape (..., 3), float64
+        Points in the vehicle frame, metres; NaN where the ray does not meet the road in front of the camera.
+    """
+    uv = np.asarray(uv, dtype=np.float64)
+    vehicle_from_camera = np.linalg.inv(np.asarray(camera_from_vehicle, dtype=np.float64))
+    centre = vehicle_from_camera[:3, 3]
+    homogeneous = np.concatenate([uv, np.ones_like(uv[..., :1])], axis=-1)
+    ray = homogeneous @ np.linalg.inv(np.asarray(K, dtype=np.float64)).T @ vehicle_from_camera[:3, :3].T
+    with np.errstate(all="ignore"):
+        along = (ground - centre[2]) / ray[..., 2:]
+        points = centre + along * ray
+    hits = (along > 0) & np.isfinite(points).all(axis=-1, keepdims=True)
+    points = np.where(hits, points, np.nan)
+    points[..., 2] = np.where(hits[..., 0], ground, np.nan)
+    return points
+
+
+def maps(
+    K: ArrayLike,
+    camera_from_vehicle: ArrayLike,
+    image_size: tuple[int, int],
+    xy: ArrayLike,
+    ground: float = 0.0,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Source pixel of every ground cell, as maps for the two ``remap`` functions.
+
+    Parameters
+    ----------
+    K : array_like, shape (3, 3)
+        Pinhole matrix, pixels.
+    camera_from_vehicle : array_like, shape (4, 4)
+        Pose.
+    image_size : (int, int)
+        Width and height, pixels.
+    xy : array_like, shape (rows, columns, 2)
+        Ground positions of the cells, metres, as :func:`grid_xy` gives them.
+    ground : float
+        Height of the road in the vehicle frame, metres.
+
+    Returns
+    -------
+    map_x, map_y : ndarray, shape (rows, columns), float64
+        Pixel coordinates of the cells that touch the image, which are the valid ones and the halo (less than one
+        pixel outside the rectangle of pixel centres); NaN elsewhere.
+    """
+    xy = np.asarray(xy, dtype=np.float64)
+    points = np.concatenate([xy, np.full_like(xy[..., :1], ground)], axis=-1)
+    uv, _, _ = project(points, K, camera_from_vehicle, image_size)
+    touches = _touches(uv[..., 0], uv[..., 1], image_size)
+    return np.where(touches, uv[..., 0], np.nan), np.where(touches, uv[..., 1], np.nan)
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# 4. Image + maps -> bird's-eye view
+
+
+def valid_mask(map_x: ArrayLike, map_y: ArrayLike, source_size: tuple[int, int]) -> NDArray[np.bool_]:
+    """Where coordinates lie in the rectangle of pixel centres ``[0, w - 1] x [0, h - 1]``.
+
+    Parameters
+    ----------
+    map_x, map_y : array_like, equal shapes
+        Pixel coordinates; NaN and infinite entries are not valid.
+    source_size : (int, int)
+        Width and height, pixels.
+
+    Returns
+    -------
+    ndarray of the maps' shape, bool
+    """
+    map_x, map_y = np.asarray(map_x), np.asarray(map_y)
+    width, height = source_size
+    return (map_x >= 0) & (map_x <= width - 1) & (map_y >= 0) & (map_y <= height - 1)
+
+
+def remap_nearest(
+    image: ArrayLike, map_x: ArrayLike, map_y: ArrayLike, border_value: ArrayLike = 0
+) -> NDArray[np.generic]:
+    """Backward warp that copies the pixel whose centre is nearest: ``out = image[round(map_y), round(map_x)]``.
+
+    Parameters
+    ----------
+    image : array_like, shape (H, W) or (H, W, C), any dtype
+        Source.
+    map_x, map_y : array_like, shape (rows, columns)
+        Source pixel of every output cell.
+    border_value : scalar or array_like, shape (C,)
+        Result where the rounded pixel does not exist, or where a coordinate is NaN or infinite.
+
+    Returns
+    -------
+    ndarray, shape (rows, columns) or (rows, columns, C), dtype of `image`
+
+    Notes
+    -----
+    Rounding is ``np.round``: halves go to the even neighbour.
+    """
+    image = np.asarray(image)
+    height, width = image.shape[:2]
+    column = np.round(np.asarray(map_x, dtype=np.float64))
+    row = np.round(np.asarray(map_y, dtype=np.float64))
+    exists = valid_mask(column, row, (width, height))
+    out = np.empty(exists.shape + image.shape[2:], dtype=image.dtype)
+    out[...] = np.asarray(border_value, dtype=image.dtype)
+    out[exists] = image[row[exists].astype(np.intp), column[exists].astype(np.intp)]
+    return out
+
+
+def remap_bilinear(
+    image: ArrayLike, map_x: ArrayLike, map_y: ArrayLike, border_value: ArrayLike = 0
+) -> NDArray[np.generic]:
+    """Backward warp that blends the four surrounding pixels by distance.
+
+    With ``x0 = floor(map_x)``, ``a = map_x - x0`` and the same for y and b:
+    ``out = (1-a)(1-b) I[y0, x0] + a(1-b) I[y0, x0+1] + (1-a)b I[y0+1, x0] + ab I[y0+1, x0+1]``.
+
+    Parameters
+    ----------
+    image : array_like, shape (H, W) or (H, W, C), integer or float
+        Source.
+    map_x, map_y : array_like, shape (rows, columns)
+        Source pixel of every output cell.
+    border_value : scalar or array_like, shape (C,)
+        Stands in for pixels that do not exist, so cells less than one pixel outside the image (the halo) blend with
+        it; the result of cells further away, and where a coordinate is NaN or infinite.
+
+    Returns
+    -------
+    ndarray, shape (rows, columns) or (rows, columns, C), dtype of `image`
+        The exact float64 sum, rounded once: integers to nearest with halves up, floats to their dtype.
+
+    Notes
+    -----
+    A pixel of weight zero takes no part, so a NaN beside or beyond the sampled place does not leak into it. (The core,
+    as OpenCV, spares a cell only the NaN of `border_value`; a NaN pixel reaches every cell that it surrounds.)
+    """
+    image = np.asarray(image)
+    height, width = image.shape[:2]
+    x = np.asarray(map_x, dtype=np.float64)
+    y = np.asarray(map_y, dtype=np.float64)
+    touches = _touches(x, y, (width, height))
+    # Cells that see nothing of the image are parked beyond its corner, where all four pixels are border_value.
+    x, y = np.where(touches, x, -2.0), np.where(touches, y, -2.0)
+    x0, y0 = np.floor(x), np.floor(y)
+    a, b = x - x0, y - y0
+    total = np.zeros(x.shape + image.shape[2:], dtype=np.float64)
+    for dx, dy, weight in (
+        (0, 0, (1 - a) * (1 - b)),
+        (1, 0, a * (1 - b)),
+        (0, 1, (1 - a) * b),
+        (1, 1, a * b),
+    ):
+        pixel = remap_nearest(image, x0 + dx, y0 + dy, border_value).astype(np.float64)
+        weight = weight.reshape(weight.shape + (1,) * (image.ndim - 2))
+        with np.errstate(invalid="ignore"):
+            total += np.where(weight > 0, weight * pixel, 0.0)
+    if np.issubdtype(image.dtype, np.integer):
+        total = np.floor(total + 0.5)
+    return total.astype(image.dtype)
+
+
+def _touches(x: NDArray[np.float64], y: NDArray[np.float64], source_size: tuple[int, int]) -> NDArray[np.bool_]:
+    """Tell which cells are valid or halo: less than one pixel outside the rectangle of pixel centres."""
+    width, height = source_size
+    return (x > -1) & (x < width) & (y > -1) & (y < height)
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Left- and right-handed frames. Mirroring the y axis, S = diag(1, -1, 1), turns one into the other and back.
+
+
+def flip_handedness(points: ArrayLike) -> NDArray[np.float64]:
+    """Points in the frame of the other handedness: ``(x, y, z) -> (x, -y, z)``.
+
+    Parameters
+    ----------
+    points : array_like, shape (..., 3)
+        Points, any unit.
+
+    Returns
+    -------
+    ndarray, shape (..., 3), float64
+    """
+    flipped: NDArray[np.float64] = np.asarray(points, dtype=np.float64) * np.array([1.0, -1.0, 1.0])
+    return flipped
+
+
+def flip_handedness_euler(roll: float, pitch: float, yaw: float) -> tuple[float, float, float]:
+    """Angles in the frame of the other handedness: ``(roll, pitch, yaw) -> (roll, -pitch, -yaw)``.
+
+    Parameters
+    ----------
+    roll, pitch, yaw : float
+        Angles, any unit. Left-handed ones follow the convention of CARLA and Unreal Engine (positive pitch lifts the
+        nose, positive yaw turns right), right-handed ones that of :func:`rotation_from_euler`.
+
+    Returns
+    -------
+    (float, float, float)
+    """
+    return roll, -pitch, -yaw
+
+
+def flip_handedness_rotation(rotation: ArrayLike) -> NDArray[np.float64]:
+    """Rotation in the frame of the other handedness: ``S R S`` with ``S = diag(1, -1, 1)``.
+
+    Parameters
+    ----------
+    rotation : array_like, shape (3, 3)
+        Rotation between two frames of one handedness.
+
+    Returns
+    -------
+    ndarray, shape (3, 3), float64
+    """
+    sign = np.array([1.0, -1.0, 1.0])
+    return np.asarray(rotation, dtype=np.float64) * np.outer(sign, sign)
+
+
+def flip_handedness_pose(pose: ArrayLike) -> NDArray[np.float64]:
+    """Pose in the frame of the other handedness: ``S T S`` with ``S = diag(1, -1, 1, 1)``.
+
+    Parameters
+    ----------
+    pose : array_like, shape (4, 4)
+        Pose between two frames of one handedness.
+
+    Returns
+    -------
+    ndarray, shape (4, 4), float64
+    """
+    sign = np.array([1.0, -1.0, 1.0, 1.0])
+    return np.asarray(pose, dtype=np.float64) * np.outer(sign, sign)

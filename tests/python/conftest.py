@@ -1,0 +1,44 @@
+"""Fixtures of the documents' own job, and the Hypothesis profiles."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import golden
+import pytest
+from hypothesis import settings
+
+import ipm_rs
+
+# Deterministic by default, so a red run is red again; HYPOTHESIS_PROFILE=thorough looks further, at random.
+settings.register_profile("default", derandomize=True, deadline=None, max_examples=60, database=None)
+settings.register_profile("thorough", deadline=None, max_examples=2000)
+settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "default"))
+
+
+@pytest.fixture(scope="session")
+def shared_data() -> Path:
+    """Folder of real images and calibrations beside the checkout; they are not part of the project."""
+    folder = Path(__file__).resolve().parents[3] / "shared" / "data"
+    if not folder.is_dir():
+        pytest.skip("needs ../shared/data beside the checkout")
+    return folder
+
+
+@pytest.fixture(scope="session")
+def seed_camera() -> ipm_rs.Camera:
+    """Cityscapes camera of the documents."""
+    return ipm_rs.Camera.from_cityscapes(golden.CALIBRATION)
+
+
+@pytest.fixture(scope="session")
+def seed_grid() -> ipm_rs.BevGrid:
+    """The documents' grid, 860 x 800, corner sampled."""
+    return ipm_rs.BevGrid(x=golden.GRID_X, y=golden.GRID_Y, resolution=golden.GRID_RESOLUTION, sample_at="corner")
+
+
+@pytest.fixture(scope="session")
+def seed_lut(seed_camera: ipm_rs.Camera, seed_grid: ipm_rs.BevGrid) -> ipm_rs.Lut:
+    """The documents' table: 2048 x 1024 pixels to 860 x 800 cells."""
+    return ipm_rs.Lut(seed_camera, seed_grid)
