@@ -10,8 +10,12 @@ use crate::error::{Error, Result};
 pub enum Isa {
     /// Plain Rust: the definition of every kernel.
     Scalar,
+    /// AVX2: Haswell, Zen and later.
+    Avx2,
     /// AVX-512 F, BW, VL, VBMI and VNNI: Ice Lake, Zen 4 and later.
     Avx512,
+    /// NEON: every aarch64.
+    Neon,
 }
 
 impl Isa {
@@ -19,20 +23,25 @@ impl Isa {
     pub fn name(self) -> &'static str {
         match self {
             Self::Scalar => "scalar",
+            Self::Avx2 => "avx2",
             Self::Avx512 => "avx512",
+            Self::Neon => "neon",
         }
     }
 
     /// Those that this build has and this CPU can run, best last.
     pub fn available() -> &'static [Self] {
         static AVAILABLE: OnceLock<Vec<Isa>> = OnceLock::new();
-        AVAILABLE.get_or_init(|| [Self::Scalar, Self::Avx512].into_iter().filter(|isa| isa.is_supported()).collect())
+        let all = [Self::Scalar, Self::Avx2, Self::Avx512, Self::Neon];
+        AVAILABLE.get_or_init(|| all.into_iter().filter(|isa| isa.is_supported()).collect())
     }
 
     /// Whether this CPU can run it.
     fn is_supported(self) -> bool {
         match self {
             Self::Scalar => true,
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx2 => is_x86_feature_detected!("avx2"),
             #[cfg(target_arch = "x86_64")]
             Self::Avx512 => {
                 is_x86_feature_detected!("avx512f")
@@ -41,8 +50,9 @@ impl Isa {
                     && is_x86_feature_detected!("avx512vbmi")
                     && is_x86_feature_detected!("avx512vnni")
             }
-            #[cfg(not(target_arch = "x86_64"))]
-            Self::Avx512 => false,
+            #[cfg(target_arch = "aarch64")]
+            Self::Neon => std::arch::is_aarch64_feature_detected!("neon"),
+            _ => false,
         }
     }
 
@@ -57,6 +67,14 @@ impl Isa {
             None => Ok(Self::available()[Self::available().len() - 1]),
         };
         ACTIVE.get_or_init(choose).clone()
+    }
+
+    /// Itself if this CPU can run it.
+    ///
+    /// # Errors
+    /// [`Error::Isa`].
+    pub fn checked(self) -> Result<Self> {
+        Self::parse(self.name())
     }
 
     fn parse(name: &str) -> Result<Self> {

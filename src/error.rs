@@ -227,7 +227,7 @@ pub enum Error {
         got: usize,
     },
     /// An instruction set that is unknown or that this CPU or build lacks.
-    #[error("IPM_RS_ISA: expected one of {available}, got {got:?}; unset it to use the best")]
+    #[error("instruction set: expected one of {available}, got {got:?}; unset IPM_RS_ISA to use the best")]
     Isa {
         /// What this CPU and build offer.
         available: String,

@@ -2,6 +2,38 @@
 
 use crate::error::{Error, Result};
 
+/// A number that an image may consist of.
+pub trait Sample: Copy + Default + Send + Sync + sealed::Plain {}
+
+pub(crate) mod sealed {
+    /// Plain memory: kernels move samples as bytes.
+    ///
+    /// # Safety
+    /// Implementors have no padding, and every bit pattern is a value.
+    pub unsafe trait Plain {}
+}
+
+macro_rules! samples {
+    ($($number:ty),*) => {$(
+        // SAFETY: a primitive number.
+        unsafe impl sealed::Plain for $number {}
+        impl Sample for $number {}
+    )*};
+}
+samples!(u8, u16, u32, u64, i8, i16, i32, i64, f32, f64);
+
+/// The bytes of samples.
+pub(crate) fn as_bytes<T: Sample>(samples: &[T]) -> &[u8] {
+    // SAFETY: plain memory of so many bytes, which lives as long as the samples.
+    unsafe { std::slice::from_raw_parts(samples.as_ptr().cast(), size_of_val(samples)) }
+}
+
+/// The bytes of samples, writable.
+pub(crate) fn as_bytes_mut<T: Sample>(samples: &mut [T]) -> &mut [u8] {
+    // SAFETY: as in `as_bytes`; any bytes are samples.
+    unsafe { std::slice::from_raw_parts_mut(samples.as_mut_ptr().cast(), size_of_val(samples)) }
+}
+
 /// A read-only image of interleaved samples: (height, width, channels) with any row stride, also zero or negative.
 #[derive(Debug, Clone, Copy)]
 pub struct ImageView<'a, T> {

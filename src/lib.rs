@@ -37,7 +37,7 @@ pub use cpu::{Isa, cpu_features};
 pub use error::{Error, Result};
 pub use grid::{BevGrid, MAX_CELLS, SampleAt};
 pub use ground::Ground;
-pub use image::{ImageView, ImageViewMut};
+pub use image::{ImageView, ImageViewMut, Sample};
 pub use lut::Lut;
 pub use parallel::{num_threads, set_num_threads};
 pub use warp::{Bilinear, Interpolation, WarpOptions};

@@ -10,30 +10,7 @@ use pyo3::prelude::*;
 
 use super::convert::{tuple_text, type_name};
 use super::error::classes::{ArgumentTypeError, DtypeError, ImageError};
-use crate::{ImageView, ImageViewMut};
-
-/// A plain value that may stand for a sample of its size: every bit pattern is one.
-///
-/// # Safety
-/// Implementors have no padding, no invalid bit pattern and no alignment beyond their size.
-pub(super) unsafe trait Sample: Copy + Default + Send + Sync {
-    /// From its bytes in this machine's order.
-    fn from_bytes(bytes: &[u8]) -> Self;
-}
-
-macro_rules! samples {
-    ($($type:ty),*) => {$(
-        // SAFETY: a primitive number.
-        unsafe impl Sample for $type {
-            fn from_bytes(bytes: &[u8]) -> Self {
-                let mut own = [0; size_of::<Self>()];
-                own.copy_from_slice(bytes);
-                Self::from_ne_bytes(own)
-            }
-        }
-    )*};
-}
-samples!(u8, u16, u32, u64, f32);
+use crate::{ImageView, ImageViewMut, Sample};
 
 /// An array that is an image: (H, W) or (H, W, C), aligned, native, its samples adjacent within a row.
 pub(super) struct ImageArray<'py> {
@@ -207,7 +184,7 @@ impl Reading<'_, '_> {
         assert_eq!(sample, image.dtype.itemsize(), "chosen by the dtype");
         let before = image.address().addr() - span.start;
         // SAFETY: `span` is the memory of the array's own rows, checked to be aligned and adjacent, and the borrow keeps
-        // writers that use rust-numpy away; `T: Sample` takes any bits. Padding between rows may belong to others, is
+        // writers that use rust-numpy away; a `Sample` takes any bits. Padding between rows may belong to others, is
         // never read, and nothing of ours writes to it: `check_output` refuses outputs within the span.
         let data = unsafe {
             std::slice::from_raw_parts(image.address().wrapping_sub(before).cast::<T>(), span.len() / sample)

@@ -12,9 +12,9 @@ use super::camera::{PyCamera, road};
 use super::convert::{float, matrix3, size, tuple_text, type_name};
 use super::error::classes::{ArgumentTypeError, DtypeError, LutError};
 use super::grid::PyBevGrid;
-use super::image::{ImageArray, Sample};
+use super::image::ImageArray;
 use super::options;
-use crate::{Bilinear, ImageView, ImageViewMut, Interpolation, Lut, WarpOptions};
+use crate::{Bilinear, ImageView, ImageViewMut, Interpolation, Lut, Sample, WarpOptions};
 
 /// Where every cell of a bird's-eye view samples the image: built once, used for every frame.
 #[pyclass(frozen, eq, module = "ipm_rs", name = "Lut")]
@@ -201,7 +201,7 @@ struct Job<'a, 'py> {
 }
 
 impl<'py> Job<'_, 'py> {
-    fn bilinear<T: Sample + Bilinear>(self) -> PyResult<Bound<'py, PyAny>> {
+    fn bilinear<T: Bilinear>(self) -> PyResult<Bound<'py, PyAny>> {
         self.run::<T>(Lut::warp_into)
     }
 

@@ -6,8 +6,8 @@ use pyo3::types::{PyBool, PyBytes, PyInt, PyList};
 
 use super::convert::type_name;
 use super::error::classes::{ArgumentError, ArgumentTypeError};
-use super::image::Sample;
-use crate::Interpolation;
+use crate::image::as_bytes_mut;
+use crate::{Interpolation, Sample};
 
 /// `"bilinear"` or `"nearest"`.
 pub(super) fn interpolation(object: &Bound<'_, PyAny>) -> PyResult<Interpolation> {
@@ -63,7 +63,10 @@ pub(super) fn border_value<T: Sample>(
         check_range(&item, dtype)?;
     }
     let bytes = numpy.call_method1("array", (items, dtype))?.call_method0("tobytes")?.cast_into::<PyBytes>()?;
-    Ok(bytes.as_bytes().chunks_exact(size_of::<T>()).map(T::from_bytes).collect())
+    let bytes = bytes.as_bytes();
+    let mut samples = vec![T::default(); bytes.len() / size_of::<T>()];
+    as_bytes_mut(&mut samples).copy_from_slice(bytes);
+    Ok(samples)
 }
 
 /// Refuses a Python number that the dtype cannot hold.

@@ -7,9 +7,8 @@ pub mod reference;
 pub use kernels::Bilinear;
 pub use options::{Interpolation, WarpOptions};
 
-use crate::cpu::Isa;
 use crate::error::{Error, Result};
-use crate::image::{ImageView, ImageViewMut};
+use crate::image::{ImageView, ImageViewMut, Sample};
 use crate::lut::Lut;
 use crate::lut::table::RunKind;
 use crate::parallel;
@@ -48,8 +47,8 @@ impl Lut {
         options: &WarpOptions<T>,
     ) -> Result<()> {
         let kernels = match options.interpolation {
-            Interpolation::Nearest => RowKernels::nearest(image.channels(), image.is_contiguous()),
-            Interpolation::Bilinear => RowKernels::bilinear(Isa::active()?, image.channels(), image.is_contiguous()),
+            Interpolation::Nearest => RowKernels::nearest(options.isa()?, image.channels(), image.is_contiguous()),
+            Interpolation::Bilinear => RowKernels::bilinear(options.isa()?, image.channels(), image.is_contiguous()),
         };
         run(self, image, out, options, kernels)
     }
@@ -75,24 +74,23 @@ impl Lut {
     ///
     /// # Errors
     /// Those of [`Lut::warp_into`].
-    pub fn warp_nearest_into<T: Copy + Send + Sync>(
+    pub fn warp_nearest_into<T: Sample>(
         &self,
         image: &ImageView<'_, T>,
         out: &mut ImageViewMut<'_, T>,
         options: &WarpOptions<T>,
     ) -> Result<()> {
-        run(self, image, out, options, RowKernels::nearest(image.channels(), image.is_contiguous()))
+        run(self, image, out, options, RowKernels::nearest(options.isa()?, image.channels(), image.is_contiguous()))
     }
 }
 
-fn run<T: Copy + Send + Sync>(
+fn run<T: Sample>(
     lut: &Lut,
     image: &ImageView<'_, T>,
     out: &mut ImageViewMut<'_, T>,
     options: &WarpOptions<T>,
     kernels: RowKernels<T>,
 ) -> Result<()> {
-    Isa::active()?;
     lut.check_image(image, options)?;
     let (rows, columns) = (lut.rows(), lut.columns());
     let expected = (rows, columns, image.channels());
@@ -112,7 +110,7 @@ fn run<T: Copy + Send + Sync>(
 }
 
 /// Fills one output row, segment by segment.
-fn warp_row<T: Copy>(lut: &Lut, row: usize, source: &Source<'_, T>, cells: &mut [T], kernels: &RowKernels<T>) {
+fn warp_row<T: Sample>(lut: &Lut, row: usize, source: &Source<'_, T>, cells: &mut [T], kernels: &RowKernels<T>) {
     let channels = source.channels();
     for segment in lut.table().row(row) {
         let cells = &mut cells[segment.first * channels..(segment.first + segment.cells) * channels];

@@ -15,9 +15,10 @@
 mod avx512;
 mod plane;
 mod scalar;
+mod special;
 
 use crate::cpu::Isa;
-use crate::image::ImageView;
+use crate::image::{ImageView, Sample};
 use crate::lut::table::{ONE, Tap};
 
 /// What a kernel reads: the image and the border value of each channel.
@@ -26,7 +27,7 @@ pub(crate) struct Source<'a, T> {
     border: &'a [T],
 }
 
-impl<'a, T: Copy> Source<'a, T> {
+impl<'a, T: Sample> Source<'a, T> {
     /// `border` has one value for each channel.
     pub(crate) fn new(image: &'a ImageView<'a, T>, border: &'a [T]) -> Self {
         debug_assert_eq!(border.len(), image.channels());
@@ -73,17 +74,24 @@ pub(crate) struct RowKernels<T> {
     pub(crate) edge: RowKernel<T>,
 }
 
-impl<T: Copy> RowKernels<T> {
+impl<T: Sample> RowKernels<T> {
     /// Nearest.
-    pub(crate) fn nearest(channels: usize, contiguous: bool) -> Self {
-        let inside = match (channels, contiguous) {
+    pub(crate) fn nearest(isa: Isa, channels: usize, contiguous: bool) -> Self {
+        let special = special::nearest(isa, channels * size_of::<T>());
+        Self {
+            inside: special.unwrap_or_else(|| Self::nearest_scalar(channels, contiguous)),
+            edge: scalar::nearest_edge,
+        }
+    }
+
+    fn nearest_scalar(channels: usize, contiguous: bool) -> RowKernel<T> {
+        match (channels, contiguous) {
             (1, true) => scalar::nearest::<T, 1, true>,
             (3, true) => scalar::nearest::<T, 3, true>,
             (4, true) => scalar::nearest::<T, 4, true>,
             (_, true) => scalar::nearest::<T, 0, true>,
             (_, false) => scalar::nearest::<T, 0, false>,
-        };
-        Self { inside, edge: scalar::nearest_edge }
+        }
     }
 }
 
@@ -106,7 +114,7 @@ impl<T: Bilinear> RowKernels<T> {
 }
 
 /// A sample that can be blended: `u8`, `u16` and `f32`.
-pub trait Bilinear: Copy + Default + Send + Sync + sealed::Blend {}
+pub trait Bilinear: Sample + sealed::Blend {}
 
 impl Bilinear for u8 {}
 impl Bilinear for u16 {}
@@ -125,9 +133,7 @@ pub(crate) mod sealed {
 
         /// The kernel of an instruction set for images of so many channels, if it has one.
         #[expect(private_interfaces, reason = "sealed: nobody outside can call it")]
-        fn special(_isa: Isa, _channels: usize) -> Option<RowKernel<Self>> {
-            None
-        }
+        fn special(isa: Isa, channels: usize) -> Option<RowKernel<Self>>;
 
         /// Four samples (top left, top right, bottom left, bottom right) to one.
         fn blend(weights: Self::Weights, taps: [Self; 4]) -> Self;
@@ -137,24 +143,7 @@ pub(crate) mod sealed {
 impl sealed::Blend for u8 {
     #[expect(private_interfaces, reason = "sealed: nobody outside can call it")]
     fn special(isa: Isa, channels: usize) -> Option<RowKernel<u8>> {
-        match (isa, channels) {
-            #[cfg(target_arch = "x86_64")]
-            (Isa::Avx512, 1) => Some(|source, taps, cells| {
-                // SAFETY: `Isa::Avx512` is only ever made where the CPU has what these kernels need.
-                unsafe { avx512::bilinear_u8::<1>(source, taps, cells) }
-            }),
-            #[cfg(target_arch = "x86_64")]
-            (Isa::Avx512, 3) => Some(|source, taps, cells| {
-                // SAFETY: as above.
-                unsafe { avx512::bilinear_u8::<3>(source, taps, cells) }
-            }),
-            #[cfg(target_arch = "x86_64")]
-            (Isa::Avx512, 4) => Some(|source, taps, cells| {
-                // SAFETY: as above.
-                unsafe { avx512::bilinear_u8::<4>(source, taps, cells) }
-            }),
-            _ => None,
-        }
+        special::bilinear_u8(isa, channels)
     }
 
     /// Q15, they sum to 32768.
@@ -174,6 +163,11 @@ impl sealed::Blend for u8 {
 }
 
 impl sealed::Blend for u16 {
+    #[expect(private_interfaces, reason = "sealed: nobody outside can call it")]
+    fn special(isa: Isa, channels: usize) -> Option<RowKernel<u16>> {
+        special::bilinear_u16(isa, channels)
+    }
+
     type Weights = (f32, f32);
 
     #[inline(always)]
@@ -188,6 +182,11 @@ impl sealed::Blend for u16 {
 }
 
 impl sealed::Blend for f32 {
+    #[expect(private_interfaces, reason = "sealed: nobody outside can call it")]
+    fn special(isa: Isa, channels: usize) -> Option<RowKernel<f32>> {
+        special::bilinear_f32(isa, channels)
+    }
+
     type Weights = (f32, f32);
 
     #[inline(always)]

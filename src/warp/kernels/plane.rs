@@ -1,6 +1,7 @@
 //! An image as plain bytes, for kernels that load more than the four pixels of a tap at once.
 
 use super::Source;
+use crate::image::{Sample, as_bytes};
 
 /// The bytes of an image and how to find a tap's pixels among them. Positions are byte indices below 2^31, so that they
 /// fit the 32-bit lanes of every instruction set.
@@ -28,11 +29,9 @@ pub(super) struct Strided {
 
 impl<'a> Plane<'a> {
     /// `None` where the image spans 2^31 bytes or more.
-    pub(super) fn new<T: Copy>(source: &Source<'a, T>) -> Option<Self> {
+    pub(super) fn new<T: Sample>(source: &Source<'a, T>) -> Option<Self> {
         let image = source.image;
-        let samples = image.data();
-        // SAFETY: any initialised memory may be read as bytes; `T` is a primitive number (no padding) in every caller.
-        let data = unsafe { std::slice::from_raw_parts(samples.as_ptr().cast::<u8>(), size_of_val(samples)) };
+        let data = as_bytes(image.data());
         let pixel = image.channels() * size_of::<T>();
         let origin = image.row_start(0) * size_of::<T>();
         let row_stride = if image.height() > 1 {
@@ -51,7 +50,7 @@ impl<'a> Plane<'a> {
         Some(Self { data, pixel: pixel as u32, row_stride, strided })
     }
 
-    /// Where row 0 of the image begins.
+    /// Position 0.
     pub(super) fn start(&self) -> *const u8 {
         self.data.as_ptr()
     }

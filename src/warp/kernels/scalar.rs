@@ -1,17 +1,18 @@
 //! The kernels in plain Rust: the definition that every other instruction set is tested against with `==`.
 
 use super::{Bilinear, Source, sealed::Blend};
+use crate::image::Sample;
 use crate::lut::table::{Tap, unframed};
 
 /// Samples of a pixel: the constant where the kernel was compiled for one, else the source's (`CHANNELS == 0`).
 #[inline(always)]
-fn channels<T: Copy, const CHANNELS: usize>(source: &Source<'_, T>) -> usize {
+fn channels<T: Sample, const CHANNELS: usize>(source: &Source<'_, T>) -> usize {
     if CHANNELS == 0 { source.channels() } else { CHANNELS }
 }
 
 /// Index of the first sample of the pixel at `y * width + x`. A contiguous image needs no division.
 #[inline(always)]
-fn sample<T: Copy, const CHANNELS: usize, const CONTIGUOUS: bool>(source: &Source<'_, T>, offset: u32) -> usize {
+fn sample<T: Sample, const CHANNELS: usize, const CONTIGUOUS: bool>(source: &Source<'_, T>, offset: u32) -> usize {
     let offset = offset as usize;
     if CONTIGUOUS {
         return offset * channels::<T, CHANNELS>(source);
@@ -21,7 +22,7 @@ fn sample<T: Copy, const CHANNELS: usize, const CONTIGUOUS: bool>(source: &Sourc
 }
 
 /// Cells whose four pixels exist: the nearest of them.
-pub(super) fn nearest<T: Copy, const CHANNELS: usize, const CONTIGUOUS: bool>(
+pub(super) fn nearest<T: Sample, const CHANNELS: usize, const CONTIGUOUS: bool>(
     source: &Source<'_, T>,
     taps: &[Tap],
     cells: &mut [T],
@@ -36,7 +37,7 @@ pub(super) fn nearest<T: Copy, const CHANNELS: usize, const CONTIGUOUS: bool>(
 }
 
 /// Cells on the rim and in the halo: the nearest pixel if it exists.
-pub(super) fn nearest_edge<T: Copy>(source: &Source<'_, T>, taps: &[Tap], cells: &mut [T]) {
+pub(super) fn nearest_edge<T: Sample>(source: &Source<'_, T>, taps: &[Tap], cells: &mut [T]) {
     for (tap, cell) in taps.iter().zip(cells.chunks_exact_mut(source.channels())) {
         let (x, y) = unframed(tap.offset, source.image.width() as u32);
         cell.copy_from_slice(source.pixel_or_border(x + i64::from(tap.step_x()), y + i64::from(tap.step_y())));
