@@ -5,8 +5,8 @@
     lut = ipm_rs.Lut(camera, grid)          # built once
     bev = lut.warp(image)                   # for every frame
 
-Frames: vehicle ISO 8855 (x forward, y left, z up, metres), camera optical (x right, y down, z forward), pixel (0, 0) the
-centre of the top-left pixel. Transforms are named `dst_from_src`; angles are in radians, positive pitch looks down.
+Frames: vehicle ISO 8855 (x forward, y left, z up, metres), camera optical (x right, y down, z forward), pixel (0, 0)
+the centre of the top-left pixel. Transforms are named `dst_from_src`; angles are in radians, positive pitch looks down.
 """
 
 from ipm_rs import errors, reference

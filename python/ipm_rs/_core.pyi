@@ -8,6 +8,21 @@ from numpy.typing import ArrayLike, NDArray
 
 from collections.abc import Mapping, Sequence
 
+__all__ = [
+    "BevGrid",
+    "Camera",
+    "Lut",
+    "__version__",
+    "cpu_info",
+    "flip_handedness",
+    "flip_handedness_euler",
+    "flip_handedness_pose",
+    "flip_handedness_rotation",
+    "get_num_threads",
+    "rotation_from_euler",
+    "set_num_threads",
+]
+
 __version__: str
 
 class _CpuInfo(TypedDict):

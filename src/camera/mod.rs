@@ -115,20 +115,6 @@ impl Camera {
         ground.intersect(&self.position(), &direction)
     }
 
-    /// One row of a grid: the pixels of the road points (x, ys[j]), NaN where a point has no image.
-    ///
-    /// The same arithmetic as [`Camera::project`] with everything that is constant along the row taken out of the loop.
-    pub fn project_ground_row(&self, x: f64, ys: &[f64], ground: &Ground, pixels: &mut [[f64; 2]]) {
-        debug_assert_eq!(ys.len(), pixels.len());
-        let rotation = self.camera_from_vehicle.rotation();
-        let origin = rotation.column(0) * x + self.camera_from_vehicle.translation();
-        let (left, up) = (rotation.column(1), rotation.column(2));
-        for (pixel, &y) in pixels.iter_mut().zip(ys) {
-            let in_camera = origin + left * y + up * ground.height_at(x, y);
-            *pixel = self.model.project(&in_camera).unwrap_or([f64::NAN; 2]);
-        }
-    }
-
     /// The same camera with its image resampled to another size. Pixel areas scale, so
     /// `c' = (c + 0.5) s - 0.5`, per axis, as `cv2.resize` does to the picture.
     ///
@@ -254,24 +240,6 @@ mod tests {
         }
         let centre = seed().position();
         assert!(!seed().project(&centre).valid);
-    }
-
-    #[test]
-    fn a_grid_row_equals_point_by_point_projection() {
-        let (camera, ground) = (seed(), Ground::height(0.2).unwrap());
-        let ys: Vec<f64> = (-100..100).map(|j| f64::from(j) * 0.3).collect();
-        for x in [-3.0, 1.7, 8.0, 40.0] {
-            let mut row = vec![[0.0; 2]; ys.len()];
-            camera.project_ground_row(x, &ys, &ground, &mut row);
-            for (&y, got) in ys.iter().zip(&row) {
-                let expected = camera.project(&Vector3::new(x, y, 0.2)).pixel;
-                for axis in 0..2 {
-                    let scale = 1.0 + expected[axis].abs();
-                    let same = (got[axis] - expected[axis]).abs() < 1e-9 * scale;
-                    assert!(same || (got[axis].is_nan() && expected[axis].is_nan()), "{x} {y}: {got:?} {expected:?}");
-                }
-            }
-        }
     }
 
     #[test]

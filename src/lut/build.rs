@@ -1,12 +1,26 @@
 //! Tables from a camera and a grid, from maps, and from a homography.
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Matrix3;
 
+use super::kernels::ProjectiveRow;
 use super::{Lut, table::Table};
 use crate::camera::{Camera, check_image_size};
+use crate::cpu::Isa;
 use crate::error::{Error, Result};
 use crate::grid::BevGrid;
 use crate::ground::Ground;
+
+impl Camera {
+    /// A row of a grid on the road, at `x`, as a projective map of y.
+    fn ground_row(&self, x: f64, ground: &Ground) -> ProjectiveRow {
+        let image_from_vehicle = self.intrinsics() * self.camera_from_vehicle().rotation();
+        let offset = self.intrinsics() * self.camera_from_vehicle().translation();
+        // the road is level, so height does not change along the row
+        let height = ground.height_at(x, 0.0);
+        let origin = image_from_vehicle.column(0) * x + image_from_vehicle.column(2) * height + offset;
+        ProjectiveRow { origin, step: image_from_vehicle.column(1).into(), culled: true }
+    }
+}
 
 impl Lut {
     /// The table of a bird's-eye view: each cell of the grid samples the pixel that sees its road point. Cells behind
@@ -15,9 +29,10 @@ impl Lut {
     /// # Errors
     /// [`Error::OutOfMemory`].
     pub fn new(camera: &Camera, grid: &BevGrid, ground: &Ground) -> Result<Self> {
+        let isa = Isa::active()?;
         let ys: Vec<f64> = (0..grid.columns()).map(|column| grid.y_of_column(column as f64)).collect();
-        let table = Table::build((grid.rows(), grid.columns()), camera.image_size(), |row, pixels| {
-            camera.project_ground_row(grid.x_of_row(row as f64), &ys, ground, pixels);
+        let table = Table::build((grid.rows(), grid.columns()), camera.image_size(), isa, |row, us, vs| {
+            camera.ground_row(grid.x_of_row(row as f64), ground).fill(isa, &ys, us, vs);
         })?;
         Ok(Self { table })
     }
@@ -42,11 +57,10 @@ impl Lut {
         if map_x.len() != map_y.len() || rows * columns != map_x.len() {
             return Err(Error::MapLength { expected: map_x.len(), got: map_y.len() });
         }
-        let table = Table::build((rows, columns), source, |row, pixels| {
+        let table = Table::build((rows, columns), source, Isa::active()?, |row, us, vs| {
             let cells = row * columns..(row + 1) * columns;
-            for (pixel, (&u, &v)) in pixels.iter_mut().zip(map_x[cells.clone()].iter().zip(&map_y[cells])) {
-                *pixel = [u.into(), v.into()];
-            }
+            us.iter_mut().zip(&map_x[cells.clone()]).for_each(|(u, &map)| *u = map.into());
+            vs.iter_mut().zip(&map_y[cells]).for_each(|(v, &map)| *v = map.into());
         })?;
         Ok(Self { table })
     }
@@ -70,15 +84,18 @@ impl Lut {
         }
         let size = check_image_size("size", size.0.into(), size.1.into())?;
         let source = check_image_size("source_size", source_size.0.into(), source_size.1.into())?;
-        let table = Table::build((size.1 as usize, size.0 as usize), source, |row, pixels| {
-            let origin = m.column(1) * row as f64 + m.column(2);
-            for (column, pixel) in pixels.iter_mut().enumerate() {
-                let q: Vector3<f64> = origin + m.column(0) * column as f64;
-                *pixel = [q.x / q.z, q.y / q.z]; // division by 0 gives what is outside every image
-            }
+        let isa = Isa::active()?;
+        let columns: Vec<f64> = (0..size.0).map(f64::from).collect();
+        let table = Table::build((size.1 as usize, size.0 as usize), source, isa, |row, us, vs| {
+            homography_row(m, row).fill(isa, &columns, us, vs);
         })?;
         Ok(Self { table })
     }
+}
+
+/// Row `row` of the output under a homography from output pixel to source pixel.
+pub(crate) fn homography_row(m: &Matrix3<f64>, row: usize) -> ProjectiveRow {
+    ProjectiveRow { origin: m.column(1) * row as f64 + m.column(2), step: m.column(0).into(), culled: false }
 }
 
 /// Whether a matrix maps the plane to a line or a point, whatever the units of its rows and columns.

@@ -1,9 +1,9 @@
 //! A table as bytes and back, for pickles. Little-endian:
-//! magic (8), checksum of what follows (8), rows, columns, width, height, runs, taps (`u32` each), the rows' starts (run, tap), the runs, the taps
+//! magic (8), checksum of what follows (8), rows, columns, width, height, runs, taps (`u32` each), then how many runs each row has (`u32`), all runs, the taps of all cells but those outside
 //! (offset `u32`, x `u16`, y `u16`).
 
 use super::Lut;
-use super::table::{RowStart, Run, RunKind, Table, Tap, reserve, unframed};
+use super::table::{RowRuns, Run, RunKind, Table, Tap, band_rows, unframed};
 use crate::camera::check_image_size;
 use crate::error::{Error, Result};
 use crate::grid::check_cells;
@@ -13,21 +13,26 @@ const MAGIC: &[u8; 8] = b"ipm_rs\x00\x01";
 impl Lut {
     /// The table as bytes, the same on every machine.
     pub fn to_bytes(&self) -> Vec<u8> {
-        let Table { columns, source, starts, runs, taps } = &self.table;
+        let Table { columns, source, bands, .. } = &self.table;
+        let seeing = || (0..self.rows()).flat_map(|row| self.table.row(row)).filter(|s| s.kind != RunKind::Outside);
+        let runs: usize = bands.iter().map(|band| band.runs.len()).sum();
+        let taps: usize = seeing().map(|segment| segment.taps.len()).sum();
         let mut bytes = Vec::with_capacity(self.nbytes() + 64);
         bytes.extend_from_slice(MAGIC);
         bytes.extend_from_slice(&[0; 8]);
-        for number in [self.rows() as u32, *columns as u32, source.0, source.1, runs.len() as u32, taps.len() as u32] {
+        for number in [self.rows() as u32, *columns as u32, source.0, source.1, runs as u32, taps as u32] {
             bytes.extend_from_slice(&number.to_le_bytes());
         }
-        for start in starts {
-            bytes.extend_from_slice(&start.run.to_le_bytes());
-            bytes.extend_from_slice(&start.tap.to_le_bytes());
+        for band in bands {
+            let begins = std::iter::once(&0).chain(&band.ends);
+            for (begin, end) in begins.zip(&band.ends) {
+                bytes.extend_from_slice(&(end - begin).to_le_bytes());
+            }
         }
-        for run in runs {
+        for run in bands.iter().flat_map(|band| &band.runs) {
             bytes.extend_from_slice(&run.0.to_le_bytes());
         }
-        for tap in taps {
+        for tap in seeing().flat_map(|segment| segment.taps) {
             bytes.extend_from_slice(&tap.offset.to_le_bytes());
             bytes.extend_from_slice(&tap.x.to_le_bytes());
             bytes.extend_from_slice(&tap.y.to_le_bytes());
@@ -59,53 +64,65 @@ impl Lut {
             return Err(damaged("its shape is impossible"));
         }
         // u64: none of these can overflow, and nothing is allocated before the length is known to be right
-        let length = 8 * (rows as u64 + 1) + 4 * runs as u64 + 8 * taps as u64;
+        let length = 4 * rows as u64 + 4 * runs as u64 + 8 * taps as u64;
         if body.len() as u64 != length {
             return Err(damaged("its length does not fit its header"));
         }
-        let (start_bytes, body) = body.split_at(8 * (rows + 1));
+        let (counts, body) = body.split_at(4 * rows);
         let (run_bytes, tap_bytes) = body.split_at(4 * runs);
-        let mut table = Table { columns, source, starts: Vec::new(), runs: Vec::new(), taps: Vec::new() };
-        reserve(&mut table.starts, rows + 1)?;
-        reserve(&mut table.runs, runs)?;
-        reserve(&mut table.taps, taps)?;
-        table
-            .starts
-            .extend(start_bytes.chunks_exact(8).map(|bytes| RowStart { run: le_u32(bytes), tap: le_u32(&bytes[4..]) }));
-        table.runs.extend(run_bytes.chunks_exact(4).map(|bytes| Run(le_u32(bytes))));
-        table.taps.extend(tap_bytes.chunks_exact(8).map(|bytes| Tap {
-            offset: le_u32(bytes),
-            x: u16::from_le_bytes([bytes[4], bytes[5]]),
-            y: u16::from_le_bytes([bytes[6], bytes[7]]),
-        }));
-        check(&table).map_err(damaged)?;
+        let mut table = Table::empty((rows, columns), source)?;
+        let mut reader = Reader { runs: run_bytes, taps: tap_bytes, source };
+        let rows_of_counts = counts.chunks_exact(4).map(le_u32).zip(table.taps.chunks_mut(columns));
+        for (row, (runs, taps)) in rows_of_counts.enumerate() {
+            reader.read_row(runs as usize, taps, &mut table.bands[row / band_rows(columns)]).map_err(damaged)?;
+        }
+        if !reader.runs.is_empty() || !reader.taps.is_empty() {
+            return Err(damaged("its rows do not fit its header"));
+        }
         Ok(Self { table })
     }
 }
 
-/// Proves what [`Table`] promises.
-fn check(table: &Table) -> Result<(), &'static str> {
-    let ends = (table.starts[0], table.starts[table.starts.len() - 1]);
-    let all = RowStart { run: table.runs.len() as u32, tap: table.taps.len() as u32 };
-    if ends != (RowStart::default(), all) {
-        return Err("its rows do not cover its runs");
-    }
-    for pair in table.starts.windows(2) {
-        let (Some(runs), Some(taps)) =
-            (table.runs.get(pair[0].run as usize..pair[1].run as usize), pair[1].tap.checked_sub(pair[0].tap))
-        else {
-            return Err("its rows are out of order");
-        };
-        let cells: usize = runs.iter().map(|run| run.cells()).sum();
-        let own: usize = runs.iter().map(|run| run.taps()).sum();
-        if cells != table.columns || own != taps as usize {
+/// What is left of a table's bytes.
+struct Reader<'a> {
+    runs: &'a [u8],
+    taps: &'a [u8],
+    source: (u32, u32),
+}
+
+impl Reader<'_> {
+    /// Takes the next row of so many runs, and proves what [`Table`] promises of it.
+    fn read_row(&mut self, runs: usize, mut taps: &mut [Tap], band: &mut RowRuns) -> Result<(), &'static str> {
+        let short = "its rows do not fit its header";
+        for run in take(&mut self.runs, runs.saturating_mul(4)).ok_or(short)?.chunks_exact(4) {
+            let run = Run(le_u32(run));
+            let (own, rest) = taps.split_at_mut_checked(run.cells()).ok_or("a row's runs do not cover it")?;
+            taps = rest;
+            if run.kind() != RunKind::Outside {
+                let bytes = take(&mut self.taps, 8 * run.cells()).ok_or(short)?;
+                for (tap, bytes) in own.iter_mut().zip(bytes.chunks_exact(8)) {
+                    let half = |at: usize| u16::from_le_bytes([bytes[at], bytes[at + 1]]);
+                    *tap = Tap { offset: le_u32(bytes), x: half(4), y: half(6) };
+                    if !is_possible(run.kind(), *tap, self.source) {
+                        return Err("a cell samples where its kind cannot");
+                    }
+                }
+            }
+            band.runs.push(run);
+        }
+        if !taps.is_empty() {
             return Err("a row's runs do not cover it");
         }
+        band.ends.push(band.runs.len() as u32);
+        Ok(())
     }
-    let taps_are_possible = (0..table.rows()).all(|row| {
-        table.row(row).all(|segment| segment.taps.iter().all(|tap| is_possible(segment.kind, *tap, table.source)))
-    });
-    if taps_are_possible { Ok(()) } else { Err("a cell samples where its kind cannot") }
+}
+
+/// Takes the first bytes off a slice.
+fn take<'a>(bytes: &mut &'a [u8], count: usize) -> Option<&'a [u8]> {
+    let (first, rest) = bytes.split_at_checked(count)?;
+    *bytes = rest;
+    Some(first)
 }
 
 fn is_possible(kind: RunKind, tap: Tap, (width, height): (u32, u32)) -> bool {

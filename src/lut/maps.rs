@@ -10,7 +10,7 @@ impl Lut {
         for (row, cells) in mask.chunks_mut(self.columns()).enumerate() {
             for segment in self.table.row(row) {
                 if matches!(segment.kind, RunKind::Inside | RunKind::Rim) {
-                    cells[segment.first..segment.first + segment.cells].fill(true);
+                    cells[segment.first..segment.first + segment.taps.len()].fill(true);
                 }
             }
         }
@@ -23,7 +23,7 @@ impl Lut {
             self.table
                 .row(row)
                 .filter(|segment| matches!(segment.kind, RunKind::Inside | RunKind::Rim))
-                .map(|segment| segment.cells)
+                .map(|segment| segment.taps.len())
                 .sum::<usize>()
         };
         (0..self.rows()).map(valid).sum()
@@ -36,7 +36,7 @@ impl Lut {
         let mut map_x = vec![outside; self.rows() * columns];
         let mut map_y = map_x.clone();
         for (row, (xs, ys)) in map_x.chunks_mut(columns).zip(map_y.chunks_mut(columns)).enumerate() {
-            for segment in self.table.row(row) {
+            for segment in self.table.row(row).filter(|segment| segment.kind != RunKind::Outside) {
                 for (column, tap) in (segment.first..).zip(segment.taps) {
                     let (x, y) = self.top_left(segment.kind, *tap);
                     xs[column] = coordinate(x, tap.fx(), tap.step_x());

@@ -2,6 +2,7 @@
 
 mod build;
 mod io;
+pub(crate) mod kernels;
 mod maps;
 pub(crate) mod table;
 

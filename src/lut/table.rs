@@ -4,6 +4,8 @@
 //! [`Tap`]. One table serves every dtype, channel count and row stride, nearest and bilinear: 8 bytes for a cell and
 //! 4 for a run, so at most 12 bytes a cell whatever the maps are.
 
+use super::kernels::{Kinds, quantise, quantise_one};
+use crate::cpu::Isa;
 use crate::error::{Error, Result};
 use crate::grid::check_cells;
 use crate::parallel;
@@ -20,7 +22,7 @@ const STEP: u16 = 1 << 15;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u32)]
 pub(crate) enum RunKind {
-    /// No image: the border value, and no tap.
+    /// No image: the border value.
     Outside = 0,
     /// Valid, and all four pixels around the coordinate exist: [`Tap::offset`] is `y * width + x` of the top-left one.
     Inside = 1,
@@ -28,6 +30,18 @@ pub(crate) enum RunKind {
     Rim = 2,
     /// Not valid, but less than one pixel outside the rectangle of pixel centres. The offset is that of [`framed`].
     Halo = 3,
+}
+
+impl RunKind {
+    /// Undoes `kind as u8`.
+    pub(super) fn from_byte(byte: u8) -> Self {
+        match byte {
+            0 => Self::Outside,
+            1 => Self::Inside,
+            2 => Self::Rim,
+            _ => Self::Halo,
+        }
+    }
 }
 
 /// A run of cells of one kind: the kind in the top two bits, the number of cells in the others.
@@ -42,27 +56,17 @@ impl Run {
     }
 
     pub(super) fn kind(self) -> RunKind {
-        match self.0 >> Self::KIND_SHIFT {
-            0 => RunKind::Outside,
-            1 => RunKind::Inside,
-            2 => RunKind::Rim,
-            _ => RunKind::Halo,
-        }
+        RunKind::from_byte((self.0 >> Self::KIND_SHIFT) as u8)
     }
 
     pub(super) fn cells(self) -> usize {
         (self.0 & ((1 << Self::KIND_SHIFT) - 1)) as usize
     }
-
-    /// Taps that the run owns.
-    pub(super) fn taps(self) -> usize {
-        if self.kind() == RunKind::Outside { 0 } else { self.cells() }
-    }
 }
 
 /// Where one cell samples: the top-left of the four pixels around its coordinate, and how far beyond it.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[repr(C, align(8))] // one number to the kernels
 pub(crate) struct Tap {
     /// Of the top-left pixel; counted as the run's kind says.
     pub(crate) offset: u32,
@@ -108,70 +112,131 @@ pub(crate) fn unframed(offset: u32, width: u32) -> (i64, i64) {
     (i64::from(offset) % stride - 1, i64::from(offset) / stride - 1)
 }
 
-/// A row's neighbouring cells of one kind, with their taps (none for [`RunKind::Outside`]).
+/// A row's neighbouring cells of one kind: the first one's column, and a tap for each.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Segment<'a> {
     pub(crate) kind: RunKind,
     pub(crate) first: usize,
-    pub(crate) cells: usize,
     pub(crate) taps: &'a [Tap],
 }
 
-/// Where a row begins in the runs and in the taps.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub(super) struct RowStart {
-    pub(super) run: u32,
-    pub(super) tap: u32,
+/// The runs of consecutive rows. The runs of a row are as many cells as the row has.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub(crate) struct RowRuns {
+    /// Where each row's runs end.
+    pub(super) ends: Vec<u32>,
+    pub(super) runs: Vec<Run>,
 }
 
-/// The table. Whatever it was made from, every [`RunKind::Inside`] tap has `x <= width - 2` and `y <= height - 2`, and
-/// the runs of a row are as many cells as the table has columns: kernels rely on both.
+impl RowRuns {
+    /// Forgets the rows, not the room.
+    pub(crate) fn clear(&mut self) {
+        self.ends.clear();
+        self.runs.clear();
+    }
+
+    /// Packs a row whose cells sample at (us[i], vs[i]), NaN where there is none: its taps go to `taps`, its runs to the
+    /// end of these.
+    pub(crate) fn push(
+        &mut self,
+        isa: Isa,
+        (us, vs): (&[f64], &[f64]),
+        source: (u32, u32),
+        taps: &mut [Tap],
+        scratch: &mut Kinds,
+    ) {
+        quantise(isa, us, vs, source, taps, scratch);
+        for (kind, cells) in scratch.runs() {
+            self.runs.push(Run::new(kind, cells.len() as u32));
+            let own = &mut taps[cells.clone()];
+            match kind {
+                RunKind::Outside => own.fill(Tap::default()),
+                RunKind::Inside => {}
+                RunKind::Rim | RunKind::Halo => {
+                    for (tap, (&u, &v)) in own.iter_mut().zip(us[cells.clone()].iter().zip(&vs[cells])) {
+                        *tap = framed_tap(u, v, source.0);
+                    }
+                }
+            }
+        }
+        self.ends.push(self.runs.len() as u32);
+    }
+
+    /// The segments of a row whose taps are `taps`, from left to right, without a gap.
+    #[inline]
+    pub(crate) fn segments<'a>(&'a self, row: usize, mut taps: &'a [Tap]) -> impl Iterator<Item = Segment<'a>> {
+        let begin = if row == 0 { 0 } else { self.ends[row - 1] as usize };
+        let mut first = 0;
+        self.runs[begin..self.ends[row] as usize].iter().map(move |run| {
+            let own;
+            (own, taps) = taps.split_at(run.cells());
+            let segment = Segment { kind: run.kind(), first, taps: own };
+            first += run.cells();
+            segment
+        })
+    }
+}
+
+/// The table. Whatever it was made from, every tap in a run of [`RunKind::Inside`] has `x <= width - 2` and
+/// `y <= height - 2`: kernels rely on it.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Table {
+    pub(super) rows: usize,
     pub(super) columns: usize,
     pub(super) source: (u32, u32),
-    /// One more than there are rows.
-    pub(super) starts: Vec<RowStart>,
-    pub(super) runs: Vec<Run>,
+    /// A tap for each cell, row-major; all zero outside.
+    ///
+    /// One allocation: many small ones are given back to the system when a table is dropped, and the next build pays a
+    /// page fault for every 4 KiB, which took longer than the arithmetic (1.9 of 2.6 ms for the seed job).
     pub(super) taps: Vec<Tap>,
+    /// The runs, in bands of [`band_rows`] rows.
+    pub(super) bands: Vec<RowRuns>,
+}
+
+/// How many rows a band has: 32768 cells or a row, 256 KiB of taps, which stay in a core's own cache while they are
+/// packed. It depends on the shape alone, so tables of one view are equal however many threads made them.
+pub(super) fn band_rows(columns: usize) -> usize {
+    (1usize << 15).div_ceil(columns)
 }
 
 impl Table {
-    /// Packs the coordinates that `fill` writes for a row: (u, v) in source pixels, NaN where there is none.
+    /// Packs the coordinates that `fill` writes for a row: u and v in source pixels, NaN where there is none.
     ///
     /// # Errors
     /// [`Error::TooManyCells`] and [`Error::OutOfMemory`].
     pub(super) fn build(
         (rows, columns): (usize, usize),
         source: (u32, u32),
-        fill: impl Fn(usize, &mut [[f64; 2]]) + Sync,
+        isa: Isa,
+        fill: impl Fn(usize, &mut [f64], &mut [f64]) + Sync,
     ) -> Result<Self> {
-        check_cells("Lut", rows as f64, columns as f64)?;
-        let threads = parallel::num_threads();
-        let band_rows = parallel::rows_per_band(rows, columns, threads);
-        let mut bands: Vec<Band> = (0..rows.div_ceil(band_rows)).map(|_| Band::default()).collect();
-        parallel::for_each(threads, bands.iter_mut().enumerate(), |(index, band)| {
-            let first = index * band_rows;
-            *band = Band::pack(first..(first + band_rows).min(rows), columns, source, &fill);
+        let mut table = Self::empty((rows, columns), source)?;
+        let threads = if rows * columns < INLINE_CELLS { 1 } else { parallel::num_threads() };
+        let band_rows = band_rows(columns);
+        let jobs = table.bands.iter_mut().zip(table.taps.chunks_mut(band_rows * columns)).enumerate();
+        parallel::for_each(threads, jobs, |(band, (runs, taps))| {
+            let (mut us, mut vs) = (vec![f64::NAN; columns], vec![f64::NAN; columns]);
+            let mut scratch = Kinds::default();
+            for (row, taps) in (band * band_rows..).zip(taps.chunks_mut(columns)) {
+                fill(row, &mut us, &mut vs);
+                runs.push(isa, (&us, &vs), source, taps, &mut scratch);
+            }
         });
-        let mut table = Self { columns, source, starts: Vec::new(), runs: Vec::new(), taps: Vec::new() };
-        reserve(&mut table.starts, rows + 1)?;
-        reserve(&mut table.runs, bands.iter().map(|band| band.runs.len()).sum())?;
-        reserve(&mut table.taps, bands.iter().map(|band| band.taps.len()).sum())?;
-        for band in bands {
-            let before = RowStart { run: table.runs.len() as u32, tap: table.taps.len() as u32 };
-            table.starts.extend(
-                band.starts.iter().map(|start| RowStart { run: before.run + start.run, tap: before.tap + start.tap }),
-            );
-            table.runs.extend_from_slice(&band.runs);
-            table.taps.extend_from_slice(&band.taps);
-        }
-        table.starts.push(RowStart { run: table.runs.len() as u32, tap: table.taps.len() as u32 });
+        Ok(table)
+    }
+
+    /// A table with room for all taps, and no runs yet.
+    pub(super) fn empty((rows, columns): (usize, usize), source: (u32, u32)) -> Result<Self> {
+        check_cells("Lut", rows as f64, columns as f64)?;
+        let mut table = Self { rows, columns, source, taps: Vec::new(), bands: Vec::new() };
+        reserve(&mut table.taps, rows * columns)?;
+        table.taps.resize(rows * columns, Tap::default());
+        table.bands.resize(rows.div_ceil(band_rows(columns)), RowRuns::default());
         Ok(table)
     }
 
     pub(crate) fn rows(&self) -> usize {
-        self.starts.len() - 1
+        self.rows
     }
 
     pub(crate) fn columns(&self) -> usize {
@@ -183,100 +248,29 @@ impl Table {
     }
 
     pub(super) fn nbytes(&self) -> usize {
-        size_of_val(&*self.starts) + size_of_val(&*self.runs) + size_of_val(&*self.taps)
+        let runs = |band: &RowRuns| size_of_val(&*band.ends) + size_of_val(&*band.runs);
+        size_of_val(&*self.taps) + self.bands.iter().map(runs).sum::<usize>()
     }
 
     /// The segments of a row, from left to right, without a gap.
     #[inline]
     pub(crate) fn row(&self, row: usize) -> impl Iterator<Item = Segment<'_>> {
-        let (start, end) = (self.starts[row], self.starts[row + 1]);
-        let mut taps = &self.taps[start.tap as usize..end.tap as usize];
-        let mut first = 0;
-        self.runs[start.run as usize..end.run as usize].iter().map(move |run| {
-            let own;
-            (own, taps) = taps.split_at(run.taps());
-            let segment = Segment { kind: run.kind(), first, cells: run.cells(), taps: own };
-            first += run.cells();
-            segment
-        })
+        let band_rows = band_rows(self.columns);
+        let taps = &self.taps[row * self.columns..(row + 1) * self.columns];
+        self.bands[row / band_rows].segments(row % band_rows, taps)
     }
 }
 
-/// Consecutive rows, packed by one thread; starts count from the band's own first run and tap.
-#[derive(Default)]
-struct Band {
-    starts: Vec<RowStart>,
-    runs: Vec<Run>,
-    taps: Vec<Tap>,
+/// The tap of a cell on the rim or in the halo.
+fn framed_tap(u: f64, v: f64, width: u32) -> Tap {
+    let ((x, fx), (y, fy)) = (quantise_one(u), quantise_one(v));
+    Tap { offset: framed(x, y, width), x: fx, y: fy }
 }
 
-impl Band {
-    fn pack(
-        rows: std::ops::Range<usize>,
-        columns: usize,
-        source: (u32, u32),
-        fill: &impl Fn(usize, &mut [[f64; 2]]),
-    ) -> Self {
-        let mut band = Self::default();
-        let mut coordinates = vec![[f64::NAN; 2]; columns];
-        for row in rows {
-            fill(row, &mut coordinates);
-            band.starts.push(RowStart { run: band.runs.len() as u32, tap: band.taps.len() as u32 });
-            let mut current = (RunKind::Outside, 0);
-            for &coordinate in &coordinates {
-                let (kind, tap) = classify(coordinate, source);
-                band.taps.extend(tap);
-                if kind == current.0 {
-                    current.1 += 1;
-                } else {
-                    band.close(current);
-                    current = (kind, 1);
-                }
-            }
-            band.close(current);
-        }
-        band
-    }
+/// Tables of fewer cells are built on the caller's thread; waking another takes as long as building these.
+const INLINE_CELLS: usize = 1 << 14;
 
-    fn close(&mut self, (kind, cells): (RunKind, u32)) {
-        if cells > 0 {
-            self.runs.push(Run::new(kind, cells));
-        }
-    }
-}
-
-/// What a cell that samples at (u, v) is, and its tap.
-fn classify([u, v]: [f64; 2], (width, height): (u32, u32)) -> (RunKind, Option<Tap>) {
-    let (w, h) = (f64::from(width), f64::from(height));
-    if !(u > -1.0 && u < w && v > -1.0 && v < h) {
-        return (RunKind::Outside, None); // NaN too
-    }
-    let valid = u >= 0.0 && v >= 0.0 && u <= w - 1.0 && v <= h - 1.0;
-    let (x, fx) = quantise(u);
-    let (y, fy) = quantise(v);
-    let last = |size: u32| i64::from(size) - 1;
-    let kind = match valid {
-        true if x >= 0 && y >= 0 && x < last(width) && y < last(height) => RunKind::Inside,
-        true => RunKind::Rim,
-        false => RunKind::Halo,
-    };
-    let offset = if kind == RunKind::Inside { (y * i64::from(width) + x) as u32 } else { framed(x, y, width) };
-    (kind, Some(Tap { offset, x: fx, y: fy }))
-}
-
-/// The whole pixel at or before a coordinate above -1, and the Q15 fraction with its [`STEP`].
-fn quantise(coordinate: f64) -> (i64, u16) {
-    let whole = (coordinate + 1.0) as i64 - 1; // the floor: the baseline build has no instruction for floor itself
-    let fraction = coordinate - whole as f64;
-    let nearest_is_next = fraction > 0.5 || (fraction == 0.5 && whole & 1 != 0); // np.round: half to even
-    let q15 = (fraction * f64::from(ONE) + 0.5) as u16;
-    if u32::from(q15) == ONE {
-        return (whole + 1, 0); // within 2^-16 of the next pixel, which then is also the nearest
-    }
-    (whole, q15 | if nearest_is_next { STEP } else { 0 })
-}
-
-/// Room for exactly `count` entries, or an error instead of an abort.
+/// Room for so many entries, or an error instead of an abort.
 pub(super) fn reserve<T>(entries: &mut Vec<T>, count: usize) -> Result<()> {
     let bytes = count.saturating_mul(size_of::<T>());
     entries.try_reserve_exact(count).map_err(|_| Error::OutOfMemory { what: "Lut", bytes })
@@ -288,8 +282,17 @@ mod tests {
 
     const SOURCE: (u32, u32) = (5, 4);
 
-    fn cell(u: f64, v: f64) -> (RunKind, Option<Tap>) {
-        classify([u, v], SOURCE)
+    /// The kind of a single cell, by every instruction set.
+    fn kind(u: f64, v: f64, source: (u32, u32)) -> RunKind {
+        let packed = |&isa: &Isa| {
+            let mut runs = RowRuns::default();
+            let mut taps = [Tap::default()];
+            runs.push(isa, (&[u], &[v]), source, &mut taps, &mut Kinds::default());
+            (runs, taps)
+        };
+        let all: Vec<_> = Isa::available().iter().map(packed).collect();
+        assert!(all.iter().all(|one| *one == all[0]));
+        all[0].0.runs[0].kind()
     }
 
     #[test]
@@ -317,21 +320,21 @@ mod tests {
             (1.0, f64::INFINITY, RunKind::Outside),
             (-1e300, 1.0, RunKind::Outside),
         ] {
-            assert_eq!(cell(u, v).0, kind, "({u}, {v})");
+            assert_eq!(self::kind(u, v, SOURCE), kind, "({u}, {v})");
         }
     }
 
     #[test]
     fn a_source_of_one_pixel_is_all_rim() {
-        assert_eq!(classify([0.0, 0.0], (1, 1)).0, RunKind::Rim);
-        assert_eq!(classify([0.25, 0.0], (1, 1)).0, RunKind::Halo);
+        assert_eq!(kind(0.0, 0.0, (1, 1)), RunKind::Rim);
+        assert_eq!(kind(0.25, 0.0, (1, 1)), RunKind::Halo);
     }
 
     #[test]
     fn fractions_are_within_half_a_step_and_nearest_is_np_round() {
         for step in 0..100_000 {
             let u = -0.999 + f64::from(step) * 5.9e-5;
-            let (whole, packed) = quantise(u);
+            let (whole, packed) = quantise_one(u);
             let tap = Tap { offset: 0, x: packed, y: 0 };
             let back = whole as f64 + f64::from(tap.fx()) / f64::from(ONE);
             assert!((back - u).abs() <= 0.5 / f64::from(ONE), "{u} {back}");
@@ -339,7 +342,7 @@ mod tests {
         }
         for (u, nearest) in [(0.5, 0), (1.5, 2), (2.5, 2), (-0.5, 0), (1.4999999999999998, 1), (2.5000000000000004, 3)]
         {
-            let (whole, packed) = quantise(u);
+            let (whole, packed) = quantise_one(u);
             assert_eq!(whole + i64::from(packed >> 15), nearest, "{u}");
         }
     }
@@ -355,22 +358,24 @@ mod tests {
 
     #[test]
     fn rows_are_covered_without_a_gap() {
-        let rows = 300;
-        let table = Table::build((rows, 100), SOURCE, |row, cells| {
-            for (column, cell) in cells.iter_mut().enumerate() {
-                *cell = [column as f64 * 0.1 - 2.0 + row as f64 * 0.01, row as f64 * 0.02 - 1.5];
+        let rows = 1000;
+        let fill = |row: usize, us: &mut [f64], vs: &mut [f64]| {
+            for (column, (u, v)) in us.iter_mut().zip(vs).enumerate() {
+                (*u, *v) = (column as f64 * 0.1 - 2.0 + row as f64 * 0.003, row as f64 * 0.006 - 1.5);
             }
-        })
-        .unwrap();
+        };
+        let table = Table::build((rows, 100), SOURCE, Isa::Scalar, fill).unwrap();
+        for &isa in Isa::available() {
+            assert_eq!(Table::build((rows, 100), SOURCE, isa, fill).unwrap(), table);
+        }
         let mut kinds = [0; 4];
         for row in 0..rows {
             let mut next = 0;
             for segment in table.row(row) {
                 assert_eq!(segment.first, next);
-                assert!(segment.cells > 0);
-                assert_eq!(segment.taps.len(), if segment.kind == RunKind::Outside { 0 } else { segment.cells });
-                kinds[segment.kind as usize] += segment.cells;
-                next += segment.cells;
+                assert!(!segment.taps.is_empty());
+                kinds[segment.kind as usize] += segment.taps.len();
+                next += segment.taps.len();
             }
             assert_eq!(next, 100);
         }
@@ -380,9 +385,9 @@ mod tests {
     #[test]
     fn at_most_twelve_bytes_a_cell_also_where_every_cell_is_a_run_of_its_own() {
         let cells = 200_000;
-        let table = Table::build((1, cells), (3, 3), |_, row| {
-            for (column, cell) in row.iter_mut().enumerate() {
-                *cell = [[0.5, 0.5], [2.5, 2.5]][column % 2];
+        let table = Table::build((1, cells), (3, 3), Isa::Scalar, |_, us, vs| {
+            for (column, (u, v)) in us.iter_mut().zip(vs).enumerate() {
+                [*u, *v] = [[0.5, 0.5], [2.5, 2.5]][column % 2];
             }
         })
         .unwrap();

@@ -113,7 +113,7 @@ fn run<T: Sample>(
 fn warp_row<T: Sample>(lut: &Lut, row: usize, source: &Source<'_, T>, cells: &mut [T], kernels: &RowKernels<T>) {
     let channels = source.channels();
     for segment in lut.table().row(row) {
-        let cells = &mut cells[segment.first * channels..(segment.first + segment.cells) * channels];
+        let cells = &mut cells[segment.first * channels..(segment.first + segment.taps.len()) * channels];
         match segment.kind {
             RunKind::Outside => source.fill_border(cells),
             RunKind::Inside => (kernels.inside)(source, segment.taps, cells),
