@@ -137,7 +137,7 @@ pub enum Error {
         limit: usize,
     },
     /// Two maps, or a map and its shape, that do not fit.
-    #[error("map_y: expected the shape of map_x, {expected} entries, got {got}")]
+    #[error("maps: expected {expected} entries in each, got {got}")]
     MapLength {
         /// Entries expected.
         expected: usize,

@@ -40,4 +40,8 @@ pub use ground::Ground;
 pub use image::{ImageView, ImageViewMut, Sample};
 pub use lut::Lut;
 pub use parallel::{num_threads, set_num_threads};
+pub use warp::direct::{
+    BorderMode, inverse_homography, remap_into, remap_nearest_into, warp_perspective_into,
+    warp_perspective_nearest_into,
+};
 pub use warp::{Bilinear, Interpolation, WarpOptions};

@@ -72,16 +72,7 @@ impl Lut {
     /// [`Error::Homography`] where the matrix is singular or not finite, [`Error::ImageSize`], [`Error::TooManyCells`]
     /// and [`Error::OutOfMemory`].
     pub fn from_homography(m: &Matrix3<f64>, size: (u32, u32), source_size: (u32, u32)) -> Result<Self> {
-        let refuse = |problem| {
-            let got = std::array::from_fn(|row| std::array::from_fn(|column| m[(row, column)]));
-            Err(Error::Homography { got, problem })
-        };
-        if m.iter().any(|value| !value.is_finite()) {
-            return refuse("an entry is NaN or infinite");
-        }
-        if is_singular(m) {
-            return refuse("its determinant is 0");
-        }
+        check_homography(m)?;
         let size = check_image_size("size", size.0.into(), size.1.into())?;
         let source = check_image_size("source_size", source_size.0.into(), source_size.1.into())?;
         let isa = Isa::active()?;
@@ -91,6 +82,19 @@ impl Lut {
         })?;
         Ok(Self { table })
     }
+}
+
+/// Refuses what maps the plane to a line or to nothing.
+pub(crate) fn check_homography(m: &Matrix3<f64>) -> Result<()> {
+    let problem = if m.iter().any(|value| !value.is_finite()) {
+        "an entry is NaN or infinite"
+    } else if is_singular(m) {
+        "its determinant is 0"
+    } else {
+        return Ok(());
+    };
+    let got = std::array::from_fn(|row| std::array::from_fn(|column| m[(row, column)]));
+    Err(Error::Homography { got, problem })
 }
 
 /// Row `row` of the output under a homography from output pixel to source pixel.

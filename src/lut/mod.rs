@@ -6,6 +6,7 @@ pub(crate) mod kernels;
 mod maps;
 pub(crate) mod table;
 
+pub(crate) use build::{check_homography, homography_row};
 use table::Table;
 
 /// For every cell of an output grid, where on a source image it samples: immutable, comparable, cheap to share.

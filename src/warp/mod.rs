@@ -1,5 +1,6 @@
 //! The backward warp: every output cell takes its value from where the table says.
 
+pub mod direct;
 pub(crate) mod kernels;
 mod options;
 pub mod reference;
@@ -10,13 +11,9 @@ pub use options::{Interpolation, WarpOptions};
 use crate::error::{Error, Result};
 use crate::image::{ImageView, ImageViewMut, Sample};
 use crate::lut::Lut;
-use crate::lut::table::RunKind;
+use crate::lut::table::{RunKind, Segment};
 use crate::parallel;
 use kernels::{RowKernels, Source};
-
-/// Outputs of fewer cells than this are warped on the caller's thread. Waking a helper takes 5 to 20 us here, in
-/// which one thread warps that many cells.
-const INLINE_CELLS: usize = 1 << 14;
 
 impl Lut {
     /// Warps an image into a new one: row-major samples, `rows * columns * channels` of them.
@@ -46,28 +43,21 @@ impl Lut {
         out: &mut ImageViewMut<'_, T>,
         options: &WarpOptions<T>,
     ) -> Result<()> {
-        let kernels = match options.interpolation {
-            Interpolation::Nearest => RowKernels::nearest(options.isa()?, image.channels(), image.is_contiguous()),
-            Interpolation::Bilinear => RowKernels::bilinear(options.isa()?, image.channels(), image.is_contiguous()),
-        };
-        run(self, image, out, options, kernels)
+        run(self, image, out, options, options.kernels(image)?)
     }
 
     /// Whether an image and options fit this table: what a warp checks first.
     ///
     /// # Errors
     /// [`Error::SizeMismatch`], [`Error::BorderChannels`] and [`Error::Threads`].
-    pub fn check_image<T>(&self, image: &ImageView<'_, T>, options: &WarpOptions<T>) -> Result<()> {
+    pub fn check_image<T: Copy>(&self, image: &ImageView<'_, T>, options: &WarpOptions<T>) -> Result<()> {
         let source = self.source_size();
         let expected = (source.0 as usize, source.1 as usize);
         if (image.width(), image.height()) != expected {
             return Err(Error::SizeMismatch { expected, got: (image.width(), image.height()) });
         }
-        let values = options.border_value.len();
-        if values != 1 && values != image.channels() {
-            return Err(Error::BorderChannels { expected: image.channels(), got: values });
-        }
-        options.threads.map_or(Ok(()), parallel::check_threads)
+        options.border(image.channels())?;
+        options.threads_for(0).map(drop)
     }
 
     /// Nearest for samples of any kind, also those without arithmetic; `options.interpolation` is not looked at.
@@ -80,7 +70,7 @@ impl Lut {
         out: &mut ImageViewMut<'_, T>,
         options: &WarpOptions<T>,
     ) -> Result<()> {
-        run(self, image, out, options, RowKernels::nearest(options.isa()?, image.channels(), image.is_contiguous()))
+        run(self, image, out, options, options.nearest_kernels(image)?)
     }
 }
 
@@ -97,22 +87,27 @@ fn run<T: Sample>(
     if out.shape() != expected {
         return Err(Error::OutputShape { expected, got: out.shape() });
     }
-    let border: Vec<T> = options.border_value.iter().copied().cycle().take(image.channels()).collect();
+    let border = options.border(image.channels())?;
     let source = Source::new(image, &border);
-    let threads = if rows * columns < INLINE_CELLS { 1 } else { options.threads.unwrap_or_else(parallel::num_threads) };
+    let threads = options.threads_for(rows * columns)?;
     let bands = out.bands(parallel::rows_per_band(rows, columns, threads));
     parallel::for_each(threads, bands, |(first, band)| {
         for (row, cells) in (first..).zip(band) {
-            warp_row(lut, row, &source, cells, &kernels);
+            warp_segments(lut.table().row(row), &source, cells, &kernels);
         }
     });
     Ok(())
 }
 
 /// Fills one output row, segment by segment.
-fn warp_row<T: Sample>(lut: &Lut, row: usize, source: &Source<'_, T>, cells: &mut [T], kernels: &RowKernels<T>) {
+fn warp_segments<'a, T: Sample>(
+    segments: impl Iterator<Item = Segment<'a>>,
+    source: &Source<'_, T>,
+    cells: &mut [T],
+    kernels: &RowKernels<T>,
+) {
     let channels = source.channels();
-    for segment in lut.table().row(row) {
+    for segment in segments {
         let cells = &mut cells[segment.first * channels..(segment.first + segment.taps.len()) * channels];
         match segment.kind {
             RunKind::Outside => source.fill_border(cells),

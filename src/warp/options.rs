@@ -1,7 +1,10 @@
 //! How to warp.
 
+use super::kernels::{Bilinear, RowKernels};
 use crate::cpu::Isa;
-use crate::error::Result;
+use crate::error::{Error, Result};
+use crate::image::{ImageView, Sample};
+use crate::parallel;
 
 /// How a cell's value is taken from the pixels around its coordinate.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
@@ -33,9 +36,46 @@ impl<T: Default> Default for WarpOptions<T> {
     }
 }
 
-impl<T> WarpOptions<T> {
+/// Outputs of fewer cells than this are warped on the caller's thread. Waking a helper takes 5 to 20 us here, in
+/// which one thread warps that many cells.
+const INLINE_CELLS: usize = 1 << 14;
+
+impl<T: Copy> WarpOptions<T> {
     /// The instruction set to use, which this CPU can run.
     pub(super) fn isa(&self) -> Result<Isa> {
         self.isa.map_or_else(Isa::active, Isa::checked)
+    }
+
+    /// How many threads to use for so many cells.
+    pub(super) fn threads_for(&self, cells: usize) -> Result<usize> {
+        let threads = self.threads.unwrap_or_else(parallel::num_threads);
+        parallel::check_threads(threads)?;
+        Ok(if cells < INLINE_CELLS { 1 } else { threads })
+    }
+
+    /// The border value of each channel.
+    pub(super) fn border(&self, channels: usize) -> Result<Vec<T>> {
+        match self.border_value.len() {
+            1 => Ok(vec![self.border_value[0]; channels]),
+            values if values == channels => Ok(self.border_value.clone()),
+            values => Err(Error::BorderChannels { expected: channels, got: values }),
+        }
+    }
+}
+
+impl<T: Sample> WarpOptions<T> {
+    /// The kernels of nearest.
+    pub(super) fn nearest_kernels(&self, image: &ImageView<'_, T>) -> Result<RowKernels<T>> {
+        Ok(RowKernels::nearest(self.isa()?, image.channels(), image.is_contiguous()))
+    }
+}
+
+impl<T: Bilinear> WarpOptions<T> {
+    /// The kernels of these options' interpolation.
+    pub(super) fn kernels(&self, image: &ImageView<'_, T>) -> Result<RowKernels<T>> {
+        match self.interpolation {
+            Interpolation::Nearest => self.nearest_kernels(image),
+            Interpolation::Bilinear => Ok(RowKernels::bilinear(self.isa()?, image.channels(), image.is_contiguous())),
+        }
     }
 }
