@@ -40,8 +40,5 @@ pub use ground::Ground;
 pub use image::{ImageView, ImageViewMut, Sample};
 pub use lut::Lut;
 pub use parallel::{num_threads, set_num_threads};
-pub use warp::direct::{
-    BorderMode, inverse_homography, remap_into, remap_nearest_into, warp_perspective_into,
-    warp_perspective_nearest_into,
-};
+pub use warp::direct::{BorderMode, Mapping, inverse_homography, warp_direct_into, warp_direct_nearest_into};
 pub use warp::{Bilinear, Interpolation, WarpOptions};

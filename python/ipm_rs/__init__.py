@@ -21,8 +21,10 @@ from ipm_rs._core import (
     flip_handedness_pose,
     flip_handedness_rotation,
     get_num_threads,
+    remap,
     rotation_from_euler,
     set_num_threads,
+    warp_perspective,
 )
 from ipm_rs.errors import (
     ArgumentError,
@@ -64,6 +66,8 @@ __all__ = [
     "flip_handedness_rotation",
     "get_num_threads",
     "reference",
+    "remap",
     "rotation_from_euler",
     "set_num_threads",
+    "warp_perspective",
 ]

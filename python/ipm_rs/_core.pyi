@@ -408,6 +408,75 @@ def flip_handedness_pose(T: ArrayLike) -> NDArray[np.float64]:
             `T @ diag(1, -1, 1, 1)` for the source frame.
     """
 
+def remap(
+    image: NDArray[Any],
+    map_x: NDArray[np.floating[Any]],
+    map_y: NDArray[np.floating[Any]],
+    *,
+    interpolation: Literal["bilinear", "nearest"] = "bilinear",
+    border_mode: Literal["constant", "replicate", "reflect_101"] = "constant",
+    border_value: float | Sequence[float] = 0,
+    out: NDArray[Any] | None = None,
+    threads: int | None = None,
+) -> NDArray[Any]:
+    """Warps an image by maps, as `cv2.remap`: cell (i, j) samples (map_x[i, j], map_y[i, j]).
+
+    For maps that are used once; a `Lut` of them is faster from the second frame on.
+
+    Args:
+        image: (H, W) or (H, W, C), as `Lut.warp` takes it.
+        map_x: (rows, columns) float32 or float64, source columns in pixels. NaN and infinity give the border value in
+            every mode.
+        map_y: the same for source rows.
+        interpolation: "bilinear" or "nearest".
+        border_mode: what lies beyond the image: "constant" (the border value), "replicate" (aaa|abcd|ddd) or
+            "reflect_101" (dcb|abcd|cba).
+        border_value: for "constant": a number, or one for each channel.
+        out: where to write, of the image's dtype and the result's shape.
+        threads: at most how many threads; the result does not depend on it.
+
+    Returns:
+        (rows, columns) or (rows, columns, C) of the image's dtype.
+
+    Raises:
+        LutError, DtypeError: the maps are wrong or differ.
+        ImageError, ArgumentError, ArgumentTypeError: as `Lut.warp`.
+    """
+
+def warp_perspective(
+    image: NDArray[Any],
+    M: ArrayLike,
+    dsize: Sequence[int],
+    *,
+    interpolation: Literal["bilinear", "nearest"] = "bilinear",
+    inverse_map: bool = False,
+    border_mode: Literal["constant", "replicate", "reflect_101"] = "constant",
+    border_value: float | Sequence[float] = 0,
+    out: NDArray[Any] | None = None,
+    threads: int | None = None,
+) -> NDArray[Any]:
+    """Warps an image by a homography, as `cv2.warpPerspective`.
+
+    Args:
+        image: (H, W) or (H, W, C), as `Lut.warp` takes it.
+        M: (3, 3), from source pixel to output pixel (from output to source with `inverse_map`). Points behind a camera
+            are not culled, because a homography's sign is arbitrary: `Lut(camera, grid)` does that.
+        dsize: (width, height) of the output.
+        interpolation: "bilinear" or "nearest".
+        inverse_map: M maps output to source, `cv2.WARP_INVERSE_MAP`.
+        border_mode: "constant", "replicate" or "reflect_101", as in `remap`.
+        border_value: for "constant": a number, or one for each channel.
+        out: where to write, of the image's dtype and the result's shape.
+        threads: at most how many threads; the result does not depend on it.
+
+    Returns:
+        (height, width) or (height, width, C) of the image's dtype.
+
+    Raises:
+        LutError: M is singular or not finite.
+        ImageError, DtypeError, ArgumentError, ArgumentTypeError: as `Lut.warp`.
+    """
+
 def cpu_info() -> _CpuInfo:
     """The build, the CPU and the threads: what a bug report needs.
 

@@ -10,7 +10,7 @@ use pyo3::prelude::*;
 
 use super::convert::{tuple_text, type_name};
 use super::error::classes::{ArgumentTypeError, DtypeError, ImageError};
-use crate::{ImageView, ImageViewMut, Sample};
+use crate::{ImageView, ImageViewMut, Interpolation, Sample};
 
 /// An array that is an image: (H, W) or (H, W, C), aligned, native, its samples adjacent within a row.
 pub(super) struct ImageArray<'py> {
@@ -113,6 +113,22 @@ impl<'py> ImageArray<'py> {
             ));
         }
         Ok(out)
+    }
+
+    /// Bytes of a sample, if this interpolation takes the dtype: unsigned integers of 1 or 2 bytes and floats of 4 for
+    /// bilinear, bool, integers and floats of 1, 2, 4 or 8 for nearest.
+    pub(super) fn sample_bytes(&self, interpolation: Interpolation) -> PyResult<usize> {
+        let dtype = &self.dtype;
+        match (interpolation, dtype.kind(), dtype.itemsize()) {
+            (Interpolation::Bilinear, b'u', bytes @ (1 | 2)) | (Interpolation::Bilinear, b'f', bytes @ 4) => Ok(bytes),
+            (Interpolation::Nearest, b'b' | b'i' | b'u' | b'f', bytes @ (1 | 2 | 4 | 8)) => Ok(bytes),
+            (Interpolation::Bilinear, ..) => Err(DtypeError::new_err(format!(
+                "image: expected uint8, uint16 or float32, got {dtype}; use interpolation=\"nearest\" for labels, or image.astype(numpy.float32)"
+            ))),
+            (Interpolation::Nearest, ..) => Err(DtypeError::new_err(format!(
+                "image: expected a bool, integer or float dtype of 1, 2, 4 or 8 bytes, got {dtype}"
+            ))),
+        }
     }
 
     pub(super) fn dtype(&self) -> &Bound<'py, PyArrayDescr> {

@@ -48,18 +48,7 @@ impl PyLut {
         source_size: &Bound<'_, PyAny>,
     ) -> PyResult<Self> {
         let source_size = size("source_size", source_size)?;
-        let (map_x, map_y) = (map_array("map_x", map_x)?, map_array("map_y", map_y)?);
-        if map_x.shape() != map_y.shape() {
-            return Err(LutError::new_err(format!(
-                "map_y: expected the shape of map_x, {}, got {}",
-                tuple_text(map_x.shape()),
-                tuple_text(map_y.shape())
-            )));
-        }
-        if !map_x.dtype().is_equiv_to(&map_y.dtype()) {
-            let message = format!("map_y: expected the dtype of map_x, {}, got {}", map_x.dtype(), map_y.dtype());
-            return Err(DtypeError::new_err(message));
-        }
+        let (map_x, map_y) = map_pair(map_x, map_y)?;
         let lut = if map_x.dtype().itemsize() == 4 {
             from_maps_of::<f32>(&map_x, &map_y, source_size)?
         } else {
@@ -102,23 +91,14 @@ impl PyLut {
         let threads = threads.map(|threads| options::thread_count("threads", threads)).transpose()?;
         let image = ImageArray::new("image", image)?;
         let job = Job { lut: &self.lut, image: &image, border_value, out, threads };
-        let (kind, bytes) = (image.dtype().kind(), image.dtype().itemsize());
-        match (interpolation, kind, bytes) {
-            (Interpolation::Bilinear, b'u', 1) => job.bilinear::<u8>(),
-            (Interpolation::Bilinear, b'u', 2) => job.bilinear::<u16>(),
-            (Interpolation::Bilinear, b'f', 4) => job.bilinear::<f32>(),
-            (Interpolation::Nearest, b'b' | b'i' | b'u' | b'f', 1) => job.nearest::<u8>(),
-            (Interpolation::Nearest, b'i' | b'u' | b'f', 2) => job.nearest::<u16>(),
-            (Interpolation::Nearest, b'i' | b'u' | b'f', 4) => job.nearest::<u32>(),
-            (Interpolation::Nearest, b'i' | b'u' | b'f', 8) => job.nearest::<u64>(),
-            (Interpolation::Bilinear, ..) => Err(DtypeError::new_err(format!(
-                "image: expected uint8, uint16 or float32, got {}; use interpolation=\"nearest\" for labels, or image.astype(numpy.float32)",
-                image.dtype()
-            ))),
-            (Interpolation::Nearest, ..) => Err(DtypeError::new_err(format!(
-                "image: expected a bool, integer or float dtype of 1, 2, 4 or 8 bytes, got {}",
-                image.dtype()
-            ))),
+        match (interpolation, image.sample_bytes(interpolation)?) {
+            (Interpolation::Bilinear, 1) => job.bilinear::<u8>(),
+            (Interpolation::Bilinear, 2) => job.bilinear::<u16>(),
+            (Interpolation::Bilinear, _) => job.bilinear::<f32>(),
+            (Interpolation::Nearest, 1) => job.nearest::<u8>(),
+            (Interpolation::Nearest, 2) => job.nearest::<u16>(),
+            (Interpolation::Nearest, 4) => job.nearest::<u32>(),
+            (Interpolation::Nearest, _) => job.nearest::<u64>(),
         }
     }
 
@@ -229,6 +209,26 @@ impl<'py> Job<'_, 'py> {
     }
 }
 
+/// Two maps of one shape and dtype.
+pub(super) fn map_pair<'py>(
+    map_x: &Bound<'py, PyAny>,
+    map_y: &Bound<'py, PyAny>,
+) -> PyResult<(Bound<'py, PyUntypedArray>, Bound<'py, PyUntypedArray>)> {
+    let (map_x, map_y) = (map_array("map_x", map_x)?, map_array("map_y", map_y)?);
+    if map_x.shape() != map_y.shape() {
+        return Err(LutError::new_err(format!(
+            "map_y: expected the shape of map_x, {}, got {}",
+            tuple_text(map_x.shape()),
+            tuple_text(map_y.shape())
+        )));
+    }
+    if !map_x.dtype().is_equiv_to(&map_y.dtype()) {
+        let message = format!("map_y: expected the dtype of map_x, {}, got {}", map_x.dtype(), map_y.dtype());
+        return Err(DtypeError::new_err(message));
+    }
+    Ok((map_x, map_y))
+}
+
 /// A map as an array of float32 or float64.
 fn map_array<'py>(name: &str, object: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyUntypedArray>> {
     let Ok(array) = object.cast::<PyUntypedArray>() else {
@@ -262,7 +262,10 @@ fn from_maps_of<T: numpy::Element + Copy + Into<f64> + Sync>(
     Ok(py.detach(|| Lut::from_maps(xs, ys, columns, source_size))?)
 }
 
-fn contiguous<'py, T: numpy::Element>(array: &Bound<'py, PyUntypedArray>) -> PyResult<PyReadonlyArrayDyn<'py, T>> {
+/// An array in C order, copied only where it is not.
+pub(super) fn contiguous<'py, T: numpy::Element>(
+    array: &Bound<'py, PyUntypedArray>,
+) -> PyResult<PyReadonlyArrayDyn<'py, T>> {
     let array = array.py().import("numpy")?.call_method1("ascontiguousarray", (array,))?;
     let array = array.cast_into::<PyArrayDyn<T>>()?;
     array.try_readonly().map_err(|error| LutError::new_err(format!("maps: {error}")))

@@ -15,6 +15,7 @@
 
 mod camera;
 mod convert;
+mod direct;
 mod error;
 mod geometry;
 mod grid;
@@ -30,6 +31,8 @@ use pyo3::types::PyDict;
 mod core_module {
     #[pymodule_export]
     use super::camera::PyCamera;
+    #[pymodule_export]
+    use super::direct::{remap, warp_perspective};
     #[pymodule_export]
     use super::geometry::{
         flip_handedness, flip_handedness_euler, flip_handedness_pose, flip_handedness_rotation, rotation_from_euler,

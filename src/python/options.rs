@@ -7,7 +7,7 @@ use pyo3::types::{PyBool, PyBytes, PyInt, PyList};
 use super::convert::type_name;
 use super::error::classes::{ArgumentError, ArgumentTypeError};
 use crate::image::as_bytes_mut;
-use crate::{Interpolation, Sample};
+use crate::{BorderMode, Interpolation, Sample};
 
 /// `"bilinear"` or `"nearest"`.
 pub(super) fn interpolation(object: &Bound<'_, PyAny>) -> PyResult<Interpolation> {
@@ -15,6 +15,18 @@ pub(super) fn interpolation(object: &Bound<'_, PyAny>) -> PyResult<Interpolation
     match object.extract::<String>().as_deref() {
         Ok("bilinear") => Ok(Interpolation::Bilinear),
         Ok("nearest") => Ok(Interpolation::Nearest),
+        Ok(other) => Err(ArgumentError::new_err(format!("{expected}, got {other:?}"))),
+        Err(_) => Err(ArgumentTypeError::new_err(format!("{expected}, got {}", type_name(object)))),
+    }
+}
+
+/// `"constant"`, `"replicate"` or `"reflect_101"`.
+pub(super) fn border_mode(object: &Bound<'_, PyAny>) -> PyResult<BorderMode> {
+    let expected = "border_mode: expected \"constant\", \"replicate\" or \"reflect_101\"";
+    match object.extract::<String>().as_deref() {
+        Ok("constant") => Ok(BorderMode::Constant),
+        Ok("replicate") => Ok(BorderMode::Replicate),
+        Ok("reflect_101") => Ok(BorderMode::Reflect101),
         Ok(other) => Err(ArgumentError::new_err(format!("{expected}, got {other:?}"))),
         Err(_) => Err(ArgumentTypeError::new_err(format!("{expected}, got {}", type_name(object)))),
     }

@@ -4,10 +4,11 @@ use nalgebra::Matrix3;
 
 use super::{Bilinear, WarpOptions, kernels::RowKernels, kernels::Source, warp_segments};
 use crate::camera::check_image_size;
+use crate::cpu::Isa;
 use crate::error::{Error, Result};
 use crate::grid::check_cells;
 use crate::image::{ImageView, ImageViewMut, Sample};
-use crate::lut::kernels::Kinds;
+use crate::lut::kernels::{Kinds, widen};
 use crate::lut::table::{RowRuns, Tap};
 use crate::lut::{check_homography, homography_row};
 use crate::parallel;
@@ -49,64 +50,78 @@ impl BorderMode {
     }
 }
 
-/// Warps an image by maps, as `cv2.remap`: output cell i samples at (`map_x[i]`, `map_y[i]`). NaN and infinite entries
-/// give the border value in every mode.
-///
-/// # Errors
-/// [`Error::MapLength`] where a map has not one entry for each cell of `out`, [`Error::ImageSize`],
-/// [`Error::OutputShape`] where the channels differ, [`Error::BorderChannels`], [`Error::Threads`] and [`Error::Isa`].
-pub fn remap_into<T: Bilinear, M: Copy + Into<f64> + Sync>(
-    image: &ImageView<'_, T>,
-    (map_x, map_y): (&[M], &[M]),
-    out: &mut ImageViewMut<'_, T>,
-    border_mode: BorderMode,
-    options: &WarpOptions<T>,
-) -> Result<()> {
-    remap(image, (map_x, map_y), out, border_mode, options, options.kernels(image)?)
+/// Where each output cell samples the source.
+#[derive(Debug, Clone, Copy)]
+pub enum Mapping<'a> {
+    /// Cell i samples at (`maps.0[i]`, `maps.1[i]`), row-major, as `cv2.remap`. NaN and infinity give the border value in
+    /// every mode.
+    MapsF32(&'a [f32], &'a [f32]),
+    /// The same in float64.
+    MapsF64(&'a [f64], &'a [f64]),
+    /// From output pixel (column, row, 1) to source pixel, `cv2.WARP_INVERSE_MAP`'s direction; invert the matrix for the
+    /// other. Both signs of the third component sample the image, because a homography's sign is arbitrary.
+    Homography(Matrix3<f64>),
 }
 
-/// [`remap_into`] with nearest, for samples of any kind; `options.interpolation` is not looked at.
-///
-/// # Errors
-/// Those of [`remap_into`].
-pub fn remap_nearest_into<T: Sample, M: Copy + Into<f64> + Sync>(
-    image: &ImageView<'_, T>,
-    (map_x, map_y): (&[M], &[M]),
-    out: &mut ImageViewMut<'_, T>,
-    border_mode: BorderMode,
-    options: &WarpOptions<T>,
-) -> Result<()> {
-    remap(image, (map_x, map_y), out, border_mode, options, options.nearest_kernels(image)?)
+impl Mapping<'_> {
+    /// Whether it has a place for each cell.
+    fn check(&self, cells: usize) -> Result<()> {
+        let lengths = match self {
+            Self::MapsF32(x, y) => [x.len(), y.len()],
+            Self::MapsF64(x, y) => [x.len(), y.len()],
+            Self::Homography(m) => return check_homography(m),
+        };
+        match lengths.into_iter().find(|&length| length != cells) {
+            Some(got) => Err(Error::MapLength { expected: cells, got }),
+            None => Ok(()),
+        }
+    }
+
+    /// The source coordinates of an output row.
+    fn fill(&self, isa: Isa, row: usize, columns: &[f64], us: &mut [f64], vs: &mut [f64]) {
+        let cells = row * us.len()..(row + 1) * us.len();
+        match self {
+            Self::MapsF32(x, y) => {
+                widen(isa, &x[cells.clone()], us);
+                widen(isa, &y[cells], vs);
+            }
+            Self::MapsF64(x, y) => {
+                us.copy_from_slice(&x[cells.clone()]);
+                vs.copy_from_slice(&y[cells]);
+            }
+            Self::Homography(m) => homography_row(m, row).fill(isa, columns, us, vs),
+        }
+    }
 }
 
-/// Warps an image by a homography from output pixel to source pixel (`cv2.WARP_INVERSE_MAP`'s direction; invert the
-/// matrix for the other). Both signs of its third component sample the image, because its sign is arbitrary.
+/// Warps an image without a table, bilinear or nearest.
 ///
 /// # Errors
-/// [`Error::Homography`], [`Error::ImageSize`], [`Error::OutputShape`] where the channels differ,
-/// [`Error::BorderChannels`], [`Error::Threads`] and [`Error::Isa`].
-pub fn warp_perspective_into<T: Bilinear>(
+/// [`Error::MapLength`] where a map has not one entry for each cell of `out`, [`Error::Homography`],
+/// [`Error::ImageSize`], [`Error::OutputShape`] where the channels differ, [`Error::BorderChannels`],
+/// [`Error::Threads`] and [`Error::Isa`], all before anything is written.
+pub fn warp_direct_into<T: Bilinear>(
     image: &ImageView<'_, T>,
-    m: &Matrix3<f64>,
+    mapping: &Mapping<'_>,
     out: &mut ImageViewMut<'_, T>,
     border_mode: BorderMode,
     options: &WarpOptions<T>,
 ) -> Result<()> {
-    warp_perspective(image, m, out, border_mode, options, options.kernels(image)?)
+    run(image, mapping, out, border_mode, options, options.kernels(image)?)
 }
 
-/// [`warp_perspective_into`] with nearest, for samples of any kind; `options.interpolation` is not looked at.
+/// The same with nearest, for samples of any kind; `options.interpolation` is not looked at.
 ///
 /// # Errors
-/// Those of [`warp_perspective_into`].
-pub fn warp_perspective_nearest_into<T: Sample>(
+/// Those of [`warp_direct_into`].
+pub fn warp_direct_nearest_into<T: Sample>(
     image: &ImageView<'_, T>,
-    m: &Matrix3<f64>,
+    mapping: &Mapping<'_>,
     out: &mut ImageViewMut<'_, T>,
     border_mode: BorderMode,
     options: &WarpOptions<T>,
 ) -> Result<()> {
-    warp_perspective(image, m, out, border_mode, options, options.nearest_kernels(image)?)
+    run(image, mapping, out, border_mode, options, options.nearest_kernels(image)?)
 }
 
 /// The inverse of a homography.
@@ -120,41 +135,6 @@ pub fn inverse_homography(m: &Matrix3<f64>) -> Result<Matrix3<f64>> {
     Ok(inverse)
 }
 
-fn remap<T: Sample, M: Copy + Into<f64> + Sync>(
-    image: &ImageView<'_, T>,
-    (map_x, map_y): (&[M], &[M]),
-    out: &mut ImageViewMut<'_, T>,
-    border_mode: BorderMode,
-    options: &WarpOptions<T>,
-    kernels: RowKernels<T>,
-) -> Result<()> {
-    let (rows, columns, _) = out.shape();
-    for map in [map_x, map_y] {
-        if map.len() != rows * columns {
-            return Err(Error::MapLength { expected: rows * columns, got: map.len() });
-        }
-    }
-    run(image, out, border_mode, options, kernels, |row, us, vs| {
-        let cells = row * columns..(row + 1) * columns;
-        us.iter_mut().zip(&map_x[cells.clone()]).for_each(|(u, &map)| *u = map.into());
-        vs.iter_mut().zip(&map_y[cells]).for_each(|(v, &map)| *v = map.into());
-    })
-}
-
-fn warp_perspective<T: Sample>(
-    image: &ImageView<'_, T>,
-    m: &Matrix3<f64>,
-    out: &mut ImageViewMut<'_, T>,
-    border_mode: BorderMode,
-    options: &WarpOptions<T>,
-    kernels: RowKernels<T>,
-) -> Result<()> {
-    check_homography(m)?;
-    let isa = options.isa()?;
-    let columns: Vec<f64> = (0..out.shape().1).map(|column| column as f64).collect();
-    run(image, out, border_mode, options, kernels, |row, us, vs| homography_row(m, row).fill(isa, &columns, us, vs))
-}
-
 /// What one thread needs for a row, used for all of its rows.
 struct Scratch {
     us: Vec<f64>,
@@ -166,21 +146,23 @@ struct Scratch {
 
 fn run<T: Sample>(
     image: &ImageView<'_, T>,
+    mapping: &Mapping<'_>,
     out: &mut ImageViewMut<'_, T>,
     border_mode: BorderMode,
     options: &WarpOptions<T>,
     kernels: RowKernels<T>,
-    fill: impl Fn(usize, &mut [f64], &mut [f64]) + Sync,
 ) -> Result<()> {
     let (rows, columns, channels) = out.shape();
     let source_size = check_image_size("image", image.width() as u64, image.height() as u64)?;
     check_cells("out", rows as f64, columns as f64)?;
+    mapping.check(rows * columns)?;
     if channels != image.channels() {
         return Err(Error::OutputShape { expected: (rows, columns, image.channels()), got: out.shape() });
     }
     let border = options.border(image.channels())?;
     let (threads, isa) = (options.threads_for(rows * columns)?, options.isa()?);
     let source = Source::new(image, &border);
+    let whole: Vec<f64> = (0..columns).map(|column| column as f64).collect();
     let bands = out.bands(parallel::rows_per_band(rows, columns, threads));
     parallel::for_each(threads, bands, |(first, band)| {
         let mut scratch = Scratch {
@@ -192,7 +174,7 @@ fn run<T: Sample>(
         };
         let Scratch { us, vs, taps, runs, kinds } = &mut scratch;
         for (row, cells) in (first..).zip(band) {
-            fill(row, us, vs);
+            mapping.fill(isa, row, &whole, us, vs);
             border_mode.fold(us, image.width());
             border_mode.fold(vs, image.height());
             runs.clear();

@@ -1,4 +1,4 @@
-//! The two loops that building a table spends its time in: coordinates of a row, and their taps.
+//! The loops that building a table spends its time in: coordinates of a row, and their taps.
 //!
 //! They are written without branches and with float64 alone (no conversions to integers, no floor, which the baseline
 //! build lacks), so that the compiler turns one body into vectors for each instruction set. Every operation is exact or
@@ -6,22 +6,25 @@
 
 mod projective;
 mod quantise;
+mod widen;
 
 pub(crate) use projective::ProjectiveRow;
 pub(crate) use quantise::{Kinds, quantise, quantise_one};
+pub(crate) use widen::widen;
 
-/// Compiles the body of a function once for each instruction set, and calls the one that `isa` names.
+/// Compiles a function once for each instruction set, and calls the one that `isa` names: its body for scalar (and for
+/// those that the compiler always has, as NEON), for AVX2 and for AVX-512.
 macro_rules! for_each_isa {
-    ($isa:expr, $body:ident($($name:ident: $type:ty),* $(,)?)) => {{
+    ($isa:expr, ($scalar:expr, $avx2:expr, $avx512:expr)($($name:ident: $type:ty),* $(,)?)) => {{
         #[cfg(target_arch = "x86_64")]
         #[target_feature(enable = "avx2")]
         fn avx2($($name: $type),*) {
-            $body($($name),*)
+            $avx2($($name),*)
         }
         #[cfg(target_arch = "x86_64")]
         #[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512vbmi,avx512vnni")]
         fn avx512($($name: $type),*) {
-            $body($($name),*)
+            $avx512($($name),*)
         }
         match $isa {
             #[cfg(target_arch = "x86_64")]
@@ -30,7 +33,7 @@ macro_rules! for_each_isa {
             #[cfg(target_arch = "x86_64")]
             // SAFETY: as above.
             crate::cpu::Isa::Avx512 => unsafe { avx512($($name),*) },
-            _ => $body($($name),*),
+            _ => $scalar($($name),*),
         }
     }};
 }

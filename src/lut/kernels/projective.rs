@@ -19,7 +19,7 @@ impl ProjectiveRow {
     /// Writes u and v for each t; NaN or what is outside every image where there is no image.
     pub(crate) fn fill(&self, isa: Isa, ts: &[f64], us: &mut [f64], vs: &mut [f64]) {
         let row = self;
-        for_each_isa!(isa, body(row: &ProjectiveRow, ts: &[f64], us: &mut [f64], vs: &mut [f64]));
+        for_each_isa!(isa, (body, body, body)(row: &ProjectiveRow, ts: &[f64], us: &mut [f64], vs: &mut [f64]));
     }
 }
 

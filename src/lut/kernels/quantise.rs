@@ -34,7 +34,31 @@ pub(crate) fn quantise(isa: Isa, us: &[f64], vs: &[f64], source: (u32, u32), tap
     let kinds = &mut kinds.kinds[..];
     // SAFETY: a tap is 8 bytes with the alignment of a number, and any bits are one.
     let taps = unsafe { std::slice::from_raw_parts_mut(taps.as_mut_ptr().cast::<u64>(), taps.len()) };
-    for_each_isa!(isa, body(us: &[f64], vs: &[f64], source: (u32, u32), taps: &mut [u64], kinds: &mut [u8]));
+    quantise_inside(isa, us, vs, source, taps, kinds);
+    // most cells are inside; of the others it is found out what they are
+    let mut next = 0;
+    while next < kinds.len() {
+        next += equal_prefix(&kinds[next..], RunKind::Inside as u8);
+        let others = next..next + equal_prefix(&kinds[next..], RunKind::Outside as u8);
+        next = others.end;
+        classify(isa, &us[others.clone()], &vs[others.clone()], source, &mut kinds[others]);
+    }
+}
+
+fn quantise_inside(isa: Isa, us: &[f64], vs: &[f64], source: (u32, u32), taps: &mut [u64], kinds: &mut [u8]) {
+    for_each_isa!(
+        isa,
+        (taps_of_row::<Plain>, taps_of_row::<Rounding>, taps_of_row::<Fused>)(
+            us: &[f64], vs: &[f64], source: (u32, u32), taps: &mut [u64], kinds: &mut [u8]
+        )
+    );
+}
+
+fn classify(isa: Isa, us: &[f64], vs: &[f64], source: (u32, u32), kinds: &mut [u8]) {
+    for_each_isa!(
+        isa,
+        (kinds_of_cells, kinds_of_cells, kinds_of_cells)(us: &[f64], vs: &[f64], source: (u32, u32), kinds: &mut [u8])
+    );
 }
 
 /// How many entries at the start of `kinds` are `kind`.
@@ -44,62 +68,136 @@ fn equal_prefix(kinds: &[u8], kind: u8) -> usize {
     16 * words + kinds[16 * words..].iter().take_while(|&&entry| entry == kind).count()
 }
 
+/// The taps of all cells, and [`RunKind::Inside`] or else [`RunKind::Outside`] for each.
 #[inline(always)]
-fn body(us: &[f64], vs: &[f64], source: (u32, u32), taps: &mut [u64], kinds: &mut [u8]) {
+fn taps_of_row<A: Arithmetic>(us: &[f64], vs: &[f64], (width, height): (u32, u32), taps: &mut [u64], kinds: &mut [u8]) {
     let cells = us.len();
     let (vs, taps, kinds) = (&vs[..cells], &mut taps[..cells], &mut kinds[..cells]);
-    // by index: of four zipped iterators the compiler makes no vectors
+    // within 2^-16 of the last pixel a coordinate becomes that pixel, which has no next: such cells are on the rim
+    let (last_u, last_v) = (f64::from(width) - 1.0 - 1.0 / STEPS, f64::from(height) - 1.0 - 1.0 / STEPS);
+    let stride = f64::from(width);
+    let first = WHOLE - stride - 1.0; // the axes count from 1
+    // by index: of zipped iterators the compiler makes no vectors
     for i in 0..cells {
-        (taps[i], kinds[i]) = cell(us[i], vs[i], source);
+        let (u, v) = (us[i], vs[i]);
+        let inside = (u >= 0.0) & (u < last_u) & (v >= 0.0) & (v < last_v); // NaN is not
+        // elsewhere the tap is anything at all, and not used
+        let (x, fx) = axis::<A>(u);
+        let (y, fy) = axis::<A>(v);
+        let offset = (A::exact_mul_add(y, stride, x) + first).to_bits() & 0xffff_ffff;
+        let fractions = (A::exact_mul_add(fy, 65536.0, fx) + WHOLE).to_bits() & 0xffff_ffff;
+        // in memory as the fields of `Tap`: offset, x, y
+        taps[i] = if cfg!(target_endian = "little") {
+            offset | fractions << 32
+        } else {
+            offset << 32 | (fractions & 0xffff) << 16 | fractions >> 16
+        };
+        kinds[i] = u8::from(inside);
     }
 }
 
-/// One coordinate: its tap and its kind.
+/// What cells are that [`taps_of_row`] did not find inside.
 #[inline(always)]
-fn cell(u: f64, v: f64, (width, height): (u32, u32)) -> (u64, u8) {
+fn kinds_of_cells(us: &[f64], vs: &[f64], (width, height): (u32, u32), kinds: &mut [u8]) {
+    let cells = us.len();
+    let (vs, kinds) = (&vs[..cells], &mut kinds[..cells]);
     let (w, h) = (f64::from(width), f64::from(height));
-    let near = (u > -1.0) & (u < w) & (v > -1.0) & (v < h); // NaN is not
-    let valid = (u >= 0.0) & (v >= 0.0) & (u <= w - 1.0) & (v <= h - 1.0);
-    // elsewhere these are anything at all, also where u or v is NaN, and never used; so is the offset in the halo
-    let (x, fx) = axis(u);
-    let (y, fy) = axis(v);
-    let inside = valid & (x <= w - 2.0) & (y <= h - 2.0);
-    let offset = (y * w + x + WHOLE).to_bits() & 0xffff_ffff;
-    let fractions = (fx + fy * 65536.0 + WHOLE).to_bits() & 0xffff_ffff;
-    // in memory as the fields of `Tap`: offset, x, y
-    let tap = if cfg!(target_endian = "little") {
-        offset | fractions << 32
-    } else {
-        offset << 32 | (fractions & 0xffff) << 16 | fractions >> 16
-    };
-    // outside 0, inside 1, rim 2, halo 3
-    let kind = u8::from(near) * (3 - u8::from(valid) - u8::from(inside));
-    (tap, kind)
+    for i in 0..cells {
+        let (u, v) = (us[i], vs[i]);
+        let near = (u > -1.0) & (u < w) & (v > -1.0) & (v < h); // NaN is not
+        let valid = (u >= 0.0) & (v >= 0.0) & (u <= w - 1.0) & (v <= h - 1.0);
+        // outside 0, rim 2, halo 3
+        kinds[i] = u8::from(near) * (3 - u8::from(valid));
+    }
 }
 
-/// The whole pixel at or before a coordinate above -1, and the Q15 fraction, plus 32768 where the nearest pixel is the
-/// next one. Within 2^-16 of the next pixel the coordinate is that pixel.
+const STEPS: f64 = ONE as f64;
+
+/// One more than the whole pixel at or before a coordinate above -1, and the Q15 fraction, plus 32768 where the nearest
+/// pixel is the next one. Within 2^-16 of the next pixel the coordinate is that pixel.
 #[inline(always)]
-fn axis(coordinate: f64) -> (f64, f64) {
-    const STEPS: f64 = ONE as f64;
+fn axis<A: Arithmetic>(coordinate: f64) -> (f64, f64) {
     // one pixel more than it is, so that it is positive, in steps, rounded half up
-    let steps = floor(coordinate * STEPS + (STEPS + 0.5));
-    let pixel = floor(steps * (1.0 / STEPS));
-    let fraction = steps - pixel * STEPS;
-    let nearest = (coordinate + 1.5 * WHOLE) - 1.5 * WHOLE; // half to even, as np.round
-    let whole = pixel - 1.0;
-    (whole, fraction + (nearest - whole) * STEPS)
+    let steps = A::floor(A::exact_mul_add(coordinate, STEPS, STEPS + 0.5));
+    let pixel = A::floor(steps * (1.0 / STEPS));
+    let fraction = A::exact_mul_add(pixel, -STEPS, steps);
+    let step = A::nearest(coordinate) - pixel + 1.0; // half to even, as np.round: 0 or 1
+    (pixel, A::exact_mul_add(step, STEPS, fraction))
 }
 
-/// The floor of a number from 0 to 2^51, without an instruction for it.
-#[inline(always)]
-fn floor(number: f64) -> f64 {
-    let rounded = (number + WHOLE) - WHOLE;
-    rounded - if rounded > number { 1.0 } else { 0.0 }
+/// Operations that the instruction sets have in different forms, with the same results.
+trait Arithmetic {
+    /// The floor of a number from 0 to 2^51.
+    fn floor(number: f64) -> f64;
+    /// The nearest whole number, halves to even, of a number below 2^51.
+    fn nearest(number: f64) -> f64;
+    /// a b + c, where a b is exact: fused or not is the same.
+    fn exact_mul_add(a: f64, b: f64, c: f64) -> f64;
+}
+
+/// Without an instruction for rounding: the baseline.
+struct Plain;
+
+impl Arithmetic for Plain {
+    #[inline(always)]
+    fn floor(number: f64) -> f64 {
+        let rounded = (number + WHOLE) - WHOLE;
+        rounded - if rounded > number { 1.0 } else { 0.0 }
+    }
+
+    #[inline(always)]
+    fn nearest(number: f64) -> f64 {
+        (number + 1.5 * WHOLE) - 1.5 * WHOLE
+    }
+
+    #[inline(always)]
+    fn exact_mul_add(a: f64, b: f64, c: f64) -> f64 {
+        a * b + c
+    }
+}
+
+/// With one.
+struct Rounding;
+
+impl Arithmetic for Rounding {
+    #[inline(always)]
+    fn floor(number: f64) -> f64 {
+        number.floor()
+    }
+
+    #[inline(always)]
+    fn nearest(number: f64) -> f64 {
+        number.round_ties_even()
+    }
+
+    #[inline(always)]
+    fn exact_mul_add(a: f64, b: f64, c: f64) -> f64 {
+        a * b + c
+    }
+}
+
+/// With one, and one that multiplies and adds.
+struct Fused;
+
+impl Arithmetic for Fused {
+    #[inline(always)]
+    fn floor(number: f64) -> f64 {
+        number.floor()
+    }
+
+    #[inline(always)]
+    fn nearest(number: f64) -> f64 {
+        number.round_ties_even()
+    }
+
+    #[inline(always)]
+    fn exact_mul_add(a: f64, b: f64, c: f64) -> f64 {
+        a.mul_add(b, c)
+    }
 }
 
 /// The whole pixel and the packed fraction of one coordinate.
 pub(crate) fn quantise_one(coordinate: f64) -> (i64, u16) {
-    let (whole, fraction) = axis(coordinate);
-    (whole as i64, fraction as u16)
+    let (pixel, fraction) = axis::<Plain>(coordinate);
+    (pixel as i64 - 1, fraction as u16)
 }

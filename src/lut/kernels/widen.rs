@@ -1,0 +1,17 @@
+//! Maps to float64.
+
+use super::for_each_isa;
+use crate::cpu::Isa;
+
+/// Copies a row of a float32 map. In its own vectors: by pairs, as the baseline does, it took a fifth of `remap`.
+pub(crate) fn widen(isa: Isa, map: &[f32], coordinates: &mut [f64]) {
+    for_each_isa!(isa, (body, body, body)(map: &[f32], coordinates: &mut [f64]));
+}
+
+#[inline(always)]
+fn body(map: &[f32], coordinates: &mut [f64]) {
+    let map = &map[..coordinates.len()];
+    for i in 0..coordinates.len() {
+        coordinates[i] = f64::from(map[i]);
+    }
+}

@@ -1,0 +1,141 @@
+//! `remap` and `warp_perspective`: warps without a table.
+
+use numpy::{PyArrayDescrMethods, PyUntypedArrayMethods};
+use pyo3::prelude::*;
+
+use super::convert::{matrix3, size};
+use super::image::ImageArray;
+use super::lut::{contiguous, map_pair};
+use super::options;
+use crate::camera::check_image_size;
+use crate::grid::check_cells;
+use crate::{
+    BorderMode, ImageView, ImageViewMut, Interpolation, Mapping, Sample, WarpOptions, inverse_homography,
+    warp_direct_into, warp_direct_nearest_into,
+};
+
+/// Warps an image by maps, as `cv2.remap`.
+#[pyfunction]
+#[pyo3(
+    signature = (image, map_x, map_y, *, interpolation = None, border_mode = None, border_value = None, out = None, threads = None),
+    text_signature = "(image, map_x, map_y, *, interpolation='bilinear', border_mode='constant', border_value=0, out=None, threads=None)"
+)]
+#[expect(clippy::too_many_arguments, reason = "keyword-only, each with one meaning")]
+pub(super) fn remap<'py>(
+    image: &Bound<'py, PyAny>,
+    map_x: &Bound<'py, PyAny>,
+    map_y: &Bound<'py, PyAny>,
+    interpolation: Option<&Bound<'py, PyAny>>,
+    border_mode: Option<&Bound<'py, PyAny>>,
+    border_value: Option<&Bound<'py, PyAny>>,
+    out: Option<&Bound<'py, PyAny>>,
+    threads: Option<&Bound<'py, PyAny>>,
+) -> PyResult<Bound<'py, PyAny>> {
+    let (map_x, map_y) = map_pair(map_x, map_y)?;
+    let call = Call::new(image, interpolation, border_mode, border_value, out, threads)?;
+    let shape = (map_x.shape()[0], map_x.shape()[1]);
+    if map_x.dtype().itemsize() == 4 {
+        let (xs, ys) = (contiguous::<f32>(&map_x)?, contiguous::<f32>(&map_y)?);
+        call.run(&Mapping::MapsF32(xs.as_slice()?, ys.as_slice()?), shape)
+    } else {
+        let (xs, ys) = (contiguous::<f64>(&map_x)?, contiguous::<f64>(&map_y)?);
+        call.run(&Mapping::MapsF64(xs.as_slice()?, ys.as_slice()?), shape)
+    }
+}
+
+/// Warps an image by a homography, as `cv2.warpPerspective`.
+#[pyfunction]
+#[pyo3(
+    signature = (image, M, dsize, *, interpolation = None, inverse_map = false, border_mode = None, border_value = None, out = None, threads = None),
+    text_signature = "(image, M, dsize, *, interpolation='bilinear', inverse_map=False, border_mode='constant', border_value=0, out=None, threads=None)"
+)]
+#[expect(non_snake_case, reason = "the field's name for a homography")]
+#[expect(clippy::too_many_arguments, reason = "keyword-only, each with one meaning")]
+pub(super) fn warp_perspective<'py>(
+    image: &Bound<'py, PyAny>,
+    M: &Bound<'py, PyAny>,
+    dsize: &Bound<'py, PyAny>,
+    interpolation: Option<&Bound<'py, PyAny>>,
+    inverse_map: bool,
+    border_mode: Option<&Bound<'py, PyAny>>,
+    border_value: Option<&Bound<'py, PyAny>>,
+    out: Option<&Bound<'py, PyAny>>,
+    threads: Option<&Bound<'py, PyAny>>,
+) -> PyResult<Bound<'py, PyAny>> {
+    let matrix = matrix3("M", M)?;
+    let source_from_output = if inverse_map { matrix } else { inverse_homography(&matrix)? };
+    let (width, height) = size("dsize", dsize)?;
+    check_image_size("dsize", width.into(), height.into())?;
+    let call = Call::new(image, interpolation, border_mode, border_value, out, threads)?;
+    call.run(&Mapping::Homography(source_from_output), (height as usize, width as usize))
+}
+
+/// The arguments that both have in common, checked.
+struct Call<'a, 'py> {
+    image: ImageArray<'py>,
+    interpolation: Interpolation,
+    border_mode: BorderMode,
+    border_value: Option<&'a Bound<'py, PyAny>>,
+    out: Option<&'a Bound<'py, PyAny>>,
+    threads: Option<usize>,
+}
+
+/// [`warp_direct_into`] or [`warp_direct_nearest_into`].
+type DirectFn<T> =
+    fn(&ImageView<'_, T>, &Mapping<'_>, &mut ImageViewMut<'_, T>, BorderMode, &WarpOptions<T>) -> crate::Result<()>;
+
+impl<'a, 'py> Call<'a, 'py> {
+    fn new(
+        image: &Bound<'py, PyAny>,
+        interpolation: Option<&Bound<'py, PyAny>>,
+        border_mode: Option<&Bound<'py, PyAny>>,
+        border_value: Option<&'a Bound<'py, PyAny>>,
+        out: Option<&'a Bound<'py, PyAny>>,
+        threads: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Self> {
+        Ok(Self {
+            interpolation: interpolation.map_or(Ok(Interpolation::Bilinear), options::interpolation)?,
+            border_mode: border_mode.map_or(Ok(BorderMode::Constant), options::border_mode)?,
+            threads: threads.map(|threads| options::thread_count("threads", threads)).transpose()?,
+            image: ImageArray::new("image", image)?,
+            border_value,
+            out,
+        })
+    }
+
+    /// Warps to an output of (rows, columns).
+    fn run(self, mapping: &Mapping<'_>, shape: (usize, usize)) -> PyResult<Bound<'py, PyAny>> {
+        match (self.interpolation, self.image.sample_bytes(self.interpolation)?) {
+            (Interpolation::Bilinear, 1) => self.run_as::<u8>(warp_direct_into, mapping, shape),
+            (Interpolation::Bilinear, 2) => self.run_as::<u16>(warp_direct_into, mapping, shape),
+            (Interpolation::Bilinear, _) => self.run_as::<f32>(warp_direct_into, mapping, shape),
+            (Interpolation::Nearest, 1) => self.run_as::<u8>(warp_direct_nearest_into, mapping, shape),
+            (Interpolation::Nearest, 2) => self.run_as::<u16>(warp_direct_nearest_into, mapping, shape),
+            (Interpolation::Nearest, 4) => self.run_as::<u32>(warp_direct_nearest_into, mapping, shape),
+            (Interpolation::Nearest, _) => self.run_as::<u64>(warp_direct_nearest_into, mapping, shape),
+        }
+    }
+
+    fn run_as<T: Sample>(
+        self,
+        warp: DirectFn<T>,
+        mapping: &Mapping<'_>,
+        (rows, columns): (usize, usize),
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let py = self.image.dtype().py();
+        check_cells("out", rows as f64, columns as f64)?; // before it is allocated
+        let border_value = options::border_value::<T>(self.border_value, self.image.dtype())?;
+        let options = WarpOptions { border_value, threads: self.threads, ..WarpOptions::default() };
+        let read = self.image.read()?;
+        let view = read.view::<T>()?;
+        let out = match self.out {
+            Some(out) if !out.is_none() => self.image.check_output(out, rows, columns)?,
+            _ => self.image.new_output(rows, columns)?,
+        };
+        let mut write = out.write()?;
+        let mut view_mut = write.view::<T>()?;
+        py.detach(|| warp(&view, mapping, &mut view_mut, self.border_mode, &options))?;
+        drop(write);
+        Ok(out.into_array().into_any())
+    }
+}
