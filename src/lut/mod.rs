@@ -5,6 +5,7 @@ mod io;
 pub(crate) mod kernels;
 mod maps;
 pub(crate) mod table;
+pub(crate) mod tap;
 
 pub(crate) use build::{check_homography, homography_row};
 use table::Table;

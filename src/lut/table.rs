@@ -1,48 +1,15 @@
 //! The packed table: for every cell of the output, where on the source it samples.
 //!
-//! A row is a sequence of [runs](Run) of cells of one [kind](RunKind); only cells that can see the image have a
-//! [`Tap`]. One table serves every dtype, channel count and row stride, nearest and bilinear: 8 bytes for a cell and
+//! A row is a sequence of [runs](Run) of cells of one [kind](RunKind), and has a [`Tap`] for each cell. One table serves every dtype, channel count and row stride, nearest and bilinear: 8 bytes for a cell and
 //! 4 for a run, so at most 12 bytes a cell whatever the maps are.
 
 use super::kernels::{Kinds, quantise, quantise_one};
+use super::tap::framed;
+pub(crate) use super::tap::{ONE, RunKind, Tap, unframed};
 use crate::cpu::Isa;
 use crate::error::{Error, Result};
 use crate::grid::check_cells;
 use crate::parallel;
-
-/// Fractions are Q15: 1/32768 of a pixel, 2^-16 at most from the true coordinate. That is 0.008 of 255 grey levels
-/// over both axes, and leaves the top bit of a `u16` for [`STEP`].
-pub(crate) const ONE: u32 = 1 << 15;
-
-/// Set in a fraction where the nearest pixel is the next one. It is decided in float64, ties to even, because the
-/// rounded fraction cannot tell 11.4999999 from 11.5.
-const STEP: u16 = 1 << 15;
-
-/// What the cells of a run have in common.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[repr(u32)]
-pub(crate) enum RunKind {
-    /// No image: the border value.
-    Outside = 0,
-    /// Valid, and all four pixels around the coordinate exist: [`Tap::offset`] is `y * width + x` of the top-left one.
-    Inside = 1,
-    /// Valid, on the last column or row, so that not all four exist. The offset is that of [`framed`].
-    Rim = 2,
-    /// Not valid, but less than one pixel outside the rectangle of pixel centres. The offset is that of [`framed`].
-    Halo = 3,
-}
-
-impl RunKind {
-    /// Undoes `kind as u8`.
-    pub(super) fn from_byte(byte: u8) -> Self {
-        match byte {
-            0 => Self::Outside,
-            1 => Self::Inside,
-            2 => Self::Rim,
-            _ => Self::Halo,
-        }
-    }
-}
 
 /// A run of cells of one kind: the kind in the top two bits, the number of cells in the others.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -62,54 +29,6 @@ impl Run {
     pub(super) fn cells(self) -> usize {
         (self.0 & ((1 << Self::KIND_SHIFT) - 1)) as usize
     }
-}
-
-/// Where one cell samples: the top-left of the four pixels around its coordinate, and how far beyond it.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-#[repr(C, align(8))] // one number to the kernels
-pub(crate) struct Tap {
-    /// Of the top-left pixel; counted as the run's kind says.
-    pub(crate) offset: u32,
-    pub(super) x: u16,
-    pub(super) y: u16,
-}
-
-impl Tap {
-    /// Q15 fraction along x, below [`ONE`].
-    #[inline]
-    pub(crate) fn fx(self) -> u32 {
-        u32::from(self.x & !STEP)
-    }
-
-    /// Q15 fraction along y, below [`ONE`].
-    #[inline]
-    pub(crate) fn fy(self) -> u32 {
-        u32::from(self.y & !STEP)
-    }
-
-    /// Columns from the top-left pixel to the nearest: 0 or 1.
-    #[inline]
-    pub(crate) fn step_x(self) -> u32 {
-        u32::from(self.x >> 15)
-    }
-
-    /// Rows from the top-left pixel to the nearest: 0 or 1.
-    #[inline]
-    pub(crate) fn step_y(self) -> u32 {
-        u32::from(self.y >> 15)
-    }
-}
-
-/// Offset of pixel (x, y) in the source with a frame of one pixel around it: x from -1 to width, y likewise.
-fn framed(x: i64, y: i64, width: u32) -> u32 {
-    ((y + 1) * (i64::from(width) + 2) + x + 1) as u32
-}
-
-/// (x, y) of an offset made by [`framed`].
-#[inline]
-pub(crate) fn unframed(offset: u32, width: u32) -> (i64, i64) {
-    let stride = i64::from(width) + 2;
-    (i64::from(offset) % stride - 1, i64::from(offset) / stride - 1)
 }
 
 /// A row's neighbouring cells of one kind: the first one's column, and a tap for each.
@@ -344,15 +263,6 @@ mod tests {
         {
             let (whole, packed) = quantise_one(u);
             assert_eq!(whole + i64::from(packed >> 15), nearest, "{u}");
-        }
-    }
-
-    #[test]
-    fn framed_offsets_undo() {
-        for y in -1..=4 {
-            for x in -1..=5 {
-                assert_eq!(unframed(framed(x, y, 5), 5), (x, y));
-            }
         }
     }
 

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use super::for_each_isa;
 use crate::cpu::Isa;
-use crate::lut::table::{ONE, RunKind, Tap};
+use crate::lut::tap::{ONE, RunKind, Tap};
 
 /// Added to a float64 from 0 to 2^52, it leaves the whole part, rounded to even, in the low bits.
 const WHOLE: f64 = (1u64 << 52) as f64;
