@@ -19,8 +19,10 @@ __all__ = [
     "flip_handedness_pose",
     "flip_handedness_rotation",
     "get_num_threads",
+    "remap",
     "rotation_from_euler",
     "set_num_threads",
+    "warp_perspective",
 ]
 
 __version__: str
