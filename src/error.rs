@@ -204,6 +204,22 @@ pub enum Error {
         /// (width, height) of the image.
         got: (usize, usize),
     },
+    /// No images, or another number of outputs.
+    #[error("expected at least one image and an output for each, got {images} images and {outs} outputs")]
+    ImageCount {
+        /// Images that came.
+        images: usize,
+        /// Outputs that came.
+        outs: usize,
+    },
+    /// Images of one call that differ in their number of channels.
+    #[error("images: expected all with {expected} channels, as the first, got one with {got}")]
+    MixedChannels {
+        /// Channels of the first.
+        expected: usize,
+        /// Channels of the one that differs.
+        got: usize,
+    },
     /// An output of the wrong shape.
     #[error("out: expected (rows, columns, channels) = {expected:?}, got {got:?}")]
     OutputShape {

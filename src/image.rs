@@ -1,5 +1,7 @@
 //! Borrowed images: data, size, channels and row stride, checked once.
 
+use std::marker::PhantomData;
+
 use crate::error::{Error, Result};
 
 /// A number that an image may consist of.
@@ -70,16 +72,8 @@ impl<'a, T> ImageView<'a, T> {
         row_stride: isize,
     ) -> Result<Self> {
         check_not_empty("image", width, height, channels)?;
-        let view = Self { data, width, height, channels, origin, row_stride };
-        let fits = |row: usize| {
-            let begin =
-                isize::try_from(row).ok()?.checked_mul(row_stride)?.checked_add(isize::try_from(origin).ok()?)?;
-            let end = usize::try_from(begin).ok()?.checked_add(width.checked_mul(channels)?)?;
-            Some(end <= data.len())
-        };
-        // rows lie on a line, so the first and the last bound all others
-        if fits(0) == Some(true) && fits(height - 1) == Some(true) {
-            return Ok(view);
+        if rows_fit(data.len(), width.saturating_mul(channels), height, origin, row_stride) {
+            return Ok(Self { data, width, height, channels, origin, row_stride });
         }
         Err(Error::ImageBuffer { what: "image", width, height, channels, row_stride, length: data.len() })
     }
@@ -127,10 +121,11 @@ impl<'a, T> ImageView<'a, T> {
     }
 }
 
-/// A writable image: its rows, each a slice of its own, so that whatever lies between them is never touched.
+/// A writable image of interleaved samples: (height, width, channels) with any row stride under which rows do not
+/// overlap. Whatever lies between the rows is never touched.
 #[derive(Debug)]
 pub struct ImageViewMut<'a, T> {
-    rows: Vec<&'a mut [T]>,
+    rows: RowsMut<'a, T>,
     width: usize,
     channels: usize,
 }
@@ -141,46 +136,119 @@ impl<'a, T> ImageViewMut<'a, T> {
     /// # Errors
     /// [`Error::EmptyImage`] and [`Error::ImageBuffer`].
     pub fn new(data: &'a mut [T], (width, height): (usize, usize), channels: usize) -> Result<Self> {
-        check_not_empty("out", width, height, channels)?;
-        let length = data.len();
         let row_length = width.saturating_mul(channels);
-        if row_length.checked_mul(height) != Some(length) {
-            let row_stride = isize::try_from(row_length).unwrap_or(isize::MAX);
-            return Err(Error::ImageBuffer { what: "out", width, height, channels, row_stride, length });
+        let row_stride = isize::try_from(row_length).unwrap_or(isize::MAX);
+        let length = data.len();
+        match Self::with_row_stride(data, (width, height), channels, 0, row_stride) {
+            Ok(_) if row_length * height != length => {
+                Err(Error::ImageBuffer { what: "out", width, height, channels, row_stride, length })
+            }
+            checked => checked,
         }
-        Self::from_rows(data.chunks_exact_mut(row_length).collect(), width, channels)
     }
 
-    /// An image of rows that lie anywhere, each of `width * channels` samples.
+    /// An image whose row y begins at `data[origin + y * row_stride]`.
     ///
     /// # Errors
-    /// [`Error::EmptyImage`], and [`Error::ImageBuffer`] where a row has another length.
-    pub fn from_rows(rows: Vec<&'a mut [T]>, width: usize, channels: usize) -> Result<Self> {
-        let height = rows.len();
+    /// [`Error::EmptyImage`], and [`Error::ImageBuffer`] where rows leave the buffer or overlap.
+    pub fn with_row_stride(
+        data: &'a mut [T],
+        (width, height): (usize, usize),
+        channels: usize,
+        origin: usize,
+        row_stride: isize,
+    ) -> Result<Self> {
         check_not_empty("out", width, height, channels)?;
-        let row_length = width.saturating_mul(channels);
-        match rows.iter().find(|row| row.len() != row_length) {
-            None => Ok(Self { rows, width, channels }),
-            Some(row) => Err(Error::ImageBuffer {
-                what: "out",
-                width,
-                height,
-                channels,
-                row_stride: isize::try_from(row_length).unwrap_or(isize::MAX),
-                length: row.len(),
-            }),
+        let fits = rows_fit(data.len(), width.saturating_mul(channels), height, origin, row_stride);
+        if !fits || (height > 1 && row_stride.unsigned_abs() < width * channels) {
+            return Err(Error::ImageBuffer { what: "out", width, height, channels, row_stride, length: data.len() });
         }
+        // SAFETY: `rows_fit` found every row inside `data`, borrowed for 'a, and the stride keeps them apart.
+        Ok(unsafe { Self::from_raw(data.as_mut_ptr().wrapping_add(origin), (width, height), channels, row_stride) })
+    }
+
+    /// An image whose row y begins `y * row_stride` samples after `start`.
+    ///
+    /// # Safety
+    /// For 'a every row is valid for reads and writes of `width * channels` aligned samples, by nobody else, and no two
+    /// rows overlap. Nothing is asked of what lies between rows.
+    pub(crate) unsafe fn from_raw(
+        start: *mut T,
+        (width, height): (usize, usize),
+        channels: usize,
+        row_stride: isize,
+    ) -> Self {
+        let rows = RowsMut { next: start, rows: height, row_length: width * channels, row_stride, data: PhantomData };
+        Self { rows, width, channels }
     }
 
     /// (rows, columns, channels).
     pub(crate) fn shape(&self) -> (usize, usize, usize) {
-        (self.rows.len(), self.width, self.channels)
+        (self.rows.rows, self.width, self.channels)
+    }
+
+    /// All rows.
+    pub(crate) fn rows(&mut self) -> RowsMut<'_, T> {
+        RowsMut { data: PhantomData, ..self.rows }
     }
 
     /// The rows in bands: (first row, its rows).
-    pub(crate) fn bands(&mut self, rows_per_band: usize) -> impl Iterator<Item = (usize, &mut [&'a mut [T]])> {
-        self.rows.chunks_mut(rows_per_band).enumerate().map(move |(band, rows)| (band * rows_per_band, rows))
+    pub(crate) fn bands(&mut self, rows_per_band: usize) -> impl Iterator<Item = (usize, RowsMut<'_, T>)> {
+        let mut rest = self.rows();
+        (0..rest.rows.div_ceil(rows_per_band)).map(move |band| (band * rows_per_band, rest.split_off(rows_per_band)))
     }
+}
+
+/// Rows of a writable image, each a slice of its own.
+#[derive(Debug)]
+pub(crate) struct RowsMut<'a, T> {
+    /// First sample of the next row.
+    next: *mut T,
+    /// How many rows there still are.
+    rows: usize,
+    row_length: usize,
+    row_stride: isize,
+    data: PhantomData<&'a mut [T]>,
+}
+
+// SAFETY: as the `&mut [T]` of its rows, which nobody else has.
+unsafe impl<T: Send> Send for RowsMut<'_, T> {}
+// SAFETY: a shared reference gives no access to the rows.
+unsafe impl<T: Sync> Sync for RowsMut<'_, T> {}
+
+impl<'a, T> RowsMut<'a, T> {
+    /// Takes the next `rows` rows away, or as many as there are.
+    fn split_off(&mut self, rows: usize) -> RowsMut<'a, T> {
+        let rows = rows.min(self.rows);
+        let front = RowsMut { rows, ..*self };
+        self.next = self.next.wrapping_offset(self.row_stride.wrapping_mul(rows as isize));
+        self.rows -= rows;
+        front
+    }
+}
+
+impl<'a, T> Iterator for RowsMut<'a, T> {
+    type Item = &'a mut [T];
+
+    #[inline]
+    fn next(&mut self) -> Option<&'a mut [T]> {
+        if self.rows == 0 {
+            return None;
+        }
+        let row = self.split_off(1).next;
+        // SAFETY: a row of the image as `ImageViewMut::from_raw` was promised it; taken away, it is handed out once.
+        Some(unsafe { std::slice::from_raw_parts_mut(row, self.row_length) })
+    }
+}
+
+/// Whether rows at `origin + y * row_stride` lie within a buffer.
+fn rows_fit(length: usize, row_length: usize, height: usize, origin: usize, row_stride: isize) -> bool {
+    let fits = |row: usize| {
+        let begin = isize::try_from(row).ok()?.checked_mul(row_stride)?.checked_add(isize::try_from(origin).ok()?)?;
+        Some(usize::try_from(begin).ok()?.checked_add(row_length)? <= length)
+    };
+    // rows lie on a line, so the first and the last bound all others
+    fits(0) == Some(true) && fits(height - 1) == Some(true)
 }
 
 fn check_not_empty(what: &'static str, width: usize, height: usize, channels: usize) -> Result<()> {
@@ -223,21 +291,29 @@ mod tests {
         assert!(ImageViewMut::new(&mut data, (3, 4), 2).is_ok());
         assert!(matches!(ImageViewMut::new(&mut data, (3, 5), 2), Err(Error::ImageBuffer { .. })));
         assert!(matches!(ImageViewMut::new(&mut data, (0, 5), 2), Err(Error::EmptyImage { .. })));
-        let rows = data.chunks_mut(7).collect();
-        assert!(matches!(ImageViewMut::from_rows(rows, 7, 1), Err(Error::ImageBuffer { length: 3, .. })));
+        assert!(matches!(ImageViewMut::new(&mut data, (3, 3), 2), Err(Error::ImageBuffer { .. })));
+        for (origin, stride) in [(0, 7), (1, 6), (0, 5), (0, 0), (0, -6), (17, -6), (0, isize::MAX), (0, isize::MIN)] {
+            let got = ImageViewMut::with_row_stride(&mut data, (3, 4), 2, origin, stride);
+            assert!(matches!(got, Err(Error::ImageBuffer { .. })), "{origin} {stride}");
+        }
     }
 
     #[test]
-    fn bands_cover_every_row_once() {
-        let mut data = [0u8; 5 * 7];
-        let mut image = ImageViewMut::new(&mut data, (7, 5), 1).unwrap();
-        for (first, rows) in image.bands(2) {
-            for (row, samples) in (first..).zip(rows) {
-                samples.fill(row as u8 + 1);
+    fn bands_cover_every_row_once_and_nothing_between() {
+        for (origin, stride) in [(0, 7), (0, 9), (38, -9), (36, -9)] {
+            let mut data = [0u8; 5 * 9];
+            let mut image = ImageViewMut::with_row_stride(&mut data, (7, 5), 1, origin, stride).unwrap();
+            for (first, rows) in image.bands(2) {
+                for (row, samples) in (first..).zip(rows) {
+                    samples.fill(row as u8 + 1);
+                }
             }
-        }
-        for (index, &value) in data.iter().enumerate() {
-            assert_eq!(usize::from(value), index / 7 + 1);
+            for row in 0..5 {
+                let start = origin.wrapping_add_signed(row * stride);
+                assert_eq!(data[start..start + 7], [row as u8 + 1; 7]);
+                data[start..start + 7].fill(0);
+            }
+            assert_eq!(data, [0; 5 * 9]);
         }
     }
 }

@@ -148,13 +148,62 @@ fn the_answer_does_not_depend_on_threads_strides_or_the_output() {
     // rows of the output anywhere
     let (rows, columns) = (lut.rows(), lut.columns());
     let mut canvas = vec![7u8; rows * (columns * 3 + 5)];
-    let cells = canvas.chunks_mut(columns * 3 + 5).map(|row| &mut row[..columns * 3]).collect();
-    let mut out = ImageViewMut::from_rows(cells, columns, 3).unwrap();
+    let stride = columns * 3 + 5;
+    let mut out = ImageViewMut::with_row_stride(&mut canvas, (columns, rows), 3, 0, stride as isize).unwrap();
     lut.warp_into(&view, &mut out, &WarpOptions::default()).unwrap();
     for (row, cells) in canvas.chunks(columns * 3 + 5).enumerate() {
         assert_eq!(cells[..columns * 3], expected[row * columns * 3..][..columns * 3]);
         assert_eq!(cells[columns * 3..], [7; 5]);
     }
+}
+
+#[test]
+fn many_images_at_once_are_each_of_them_alone() {
+    let camera = seed_camera().resized(256, 128).unwrap();
+    // from one row to one band to many bands an image; so many images that several make a job
+    for (resolution, count) in [((43.0, 0.4), 300), ((0.86, 0.4), 60), ((0.1, 0.05), 6)] {
+        let lut = Lut::new(&camera, &seed_grid(resolution), &Ground::default()).unwrap();
+        let size = (lut.columns(), lut.rows());
+        for channels in [1, 3] {
+            let data = textured(256 * 128 * channels * count);
+            let images: Vec<_> = data.chunks(256 * 128 * channels).map(|one| image(one, 256, 128, channels)).collect();
+            for (values, threads) in [(1, 1), (3, 2), (3, 5)] {
+                let border: Vec<u8> = (0..values).map(|value| 40 * value + 7).collect();
+                let options = |border_value| WarpOptions { border_value, threads: Some(threads), ..Default::default() };
+                let length = size.0 * size.1 * channels;
+                let mut got = vec![0u8; length * count];
+                let mut outs: Vec<_> =
+                    got.chunks_mut(length).map(|one| ImageViewMut::new(one, size, channels).unwrap()).collect();
+                lut.warp_many_into(&images, &mut outs, &options(border.clone())).unwrap();
+                for (index, (image, got)) in images.iter().zip(got.chunks(length)).enumerate() {
+                    let own = if channels == 1 { vec![border[index % border.len()]] } else { border.clone() };
+                    assert!(got == lut.warp(image, &options(own)).unwrap(), "image {index} of {count}, {size:?}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn images_that_do_not_go_together_are_refused() {
+    let lut = Lut::from_maps(&[0.0f32, 1.0], &[0.0, 0.0], 2, (4, 3)).unwrap();
+    let data = textured(4 * 3 * 6);
+    let planes: Vec<_> = data.chunks(12).map(|one| image(one, 4, 3, 1)).collect();
+    let colour = image(&data[..36], 4, 3, 3);
+    let refused = |images: &[ImageView<'_, u8>], count: usize, border_value: Vec<u8>| {
+        let mut canvas = vec![9u8; 2 * count];
+        let mut outs: Vec<_> = canvas.chunks_mut(2).map(|one| ImageViewMut::new(one, (2, 1), 1).unwrap()).collect();
+        let options = WarpOptions { border_value, ..WarpOptions::default() };
+        let error = lut.warp_many_into(images, &mut outs, &options).unwrap_err();
+        assert_eq!(canvas, vec![9; 2 * count]);
+        error
+    };
+    assert_eq!(refused(&[], 0, vec![0]), Error::ImageCount { images: 0, outs: 0 });
+    assert_eq!(refused(&planes, 5, vec![0]), Error::ImageCount { images: 6, outs: 5 });
+    assert_eq!(refused(&[planes[0], colour], 2, vec![0]), Error::MixedChannels { expected: 1, got: 3 });
+    assert_eq!(refused(&planes, 6, vec![0; 4]), Error::BorderChannels { expected: 1, got: 4 });
+    assert_eq!(refused(&planes, 6, vec![]), Error::BorderChannels { expected: 1, got: 0 });
+    assert!(matches!(refused(&[colour], 1, vec![0]), Error::OutputShape { .. }));
 }
 
 #[test]

@@ -1,7 +1,7 @@
 """The Rust core. Import its names from `ipm_rs`."""
 
 from os import PathLike
-from typing import Any, Literal, SupportsIndex, TypedDict, final
+from typing import Any, Literal, Protocol, SupportsIndex, TypedDict, TypeVar, final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -26,6 +26,12 @@ __all__ = [
 ]
 
 __version__: str
+
+class _DLPack(Protocol):
+    def __dlpack__(self) -> Any: ...
+    def __dlpack_device__(self) -> tuple[Any, Any]: ...
+
+_Out = TypeVar("_Out", bound=NDArray[Any] | _DLPack | memoryview)
 
 class _CpuInfo(TypedDict):
     version: str
@@ -304,33 +310,41 @@ class Lut:
         """
     def warp(
         self,
-        image: NDArray[Any],
+        image: NDArray[Any] | _DLPack | memoryview,
         *,
         interpolation: Literal["bilinear", "nearest"] = "bilinear",
         border_value: float | Sequence[float] = 0,
-        out: NDArray[Any] | None = None,
+        out: _Out | None = None,
         threads: int | None = None,
-    ) -> NDArray[Any]:
-        """Warps an image to the grid: a bird's-eye view.
+        layout: Literal["HWC", "CHW", "NHWC", "NCHW"] = "HWC",
+    ) -> NDArray[Any] | _Out:
+        """Warps an image to the grid: a bird's-eye view. Or several: a batch, planes, a batch of planes.
 
         Args:
-            image: (H, W) or (H, W, C) of the table's source size, with any row stride; read without a copy.
-                Bilinear takes uint8, uint16 and float32; nearest any bool, integer or float dtype of 1, 2, 4 or 8 bytes.
+            image: (H, W) or (H, W, C) of the table's source size, or what `layout` says, with any stride between rows,
+                planes and images; read without a copy. A NumPy array, or what shares its memory as one: a CPU tensor
+                (DLPack, `__array__`), a memoryview. Bilinear takes uint8, uint16 and float32; nearest any bool,
+                integer or float dtype of 1, 2, 4 or 8 bytes.
             interpolation: "bilinear" blends the four pixels around the coordinate; "nearest" copies one (halves to
                 even), so label images keep their ids.
             border_value: what cells without an image get: a number that the dtype can hold, or one for each channel.
                 Less than one pixel outside the image, bilinear blends with it.
-            out: where to write, of the image's dtype and the result's shape, not overlapping the image.
+            out: where to write, of the image's dtype and the result's shape, not overlapping the image; an array or a
+                tensor.
             threads: at most how many threads, the caller's among them; None is `get_num_threads()`. The result does not
                 depend on it.
+            layout: the order of the axes of `image` and of the result. "HWC": (H, W) or (H, W, C). "CHW": (C, H, W).
+                "NHWC": (N, H, W, C). "NCHW": (N, C, H, W). Threads share out all images and planes together.
 
         Returns:
-            (rows, columns) or (rows, columns, C) of the image's dtype; `out` itself if that was given.
+            The array in the same layout, rows for H and columns for W, of the image's dtype; `out` itself, array or
+            tensor, if that was given.
 
         Raises:
             ImageError: a shape, the memory layout or the image's size is wrong; out is read-only or overlaps the image.
             DtypeError: the dtype is not taken by this interpolation, or out's differs.
-            ArgumentError, ArgumentTypeError: another argument is wrong. In every case nothing has been written.
+            ArgumentError, ArgumentTypeError: another argument is wrong, or the image's memory cannot be had without a
+                copy or is not the CPU's. In every case nothing has been written.
         """
     @property
     def shape(self) -> tuple[int, int]:

@@ -5,6 +5,7 @@ use pyo3::prelude::*;
 
 use super::convert::{matrix3, size};
 use super::image::ImageArray;
+use super::layout::Layout;
 use super::lut::{contiguous, map_pair};
 use super::options;
 use crate::camera::check_image_size;
@@ -97,7 +98,7 @@ impl<'a, 'py> Call<'a, 'py> {
             interpolation: interpolation.map_or(Ok(Interpolation::Bilinear), options::interpolation)?,
             border_mode: border_mode.map_or(Ok(BorderMode::Constant), options::border_mode)?,
             threads: threads.map(|threads| options::thread_count("threads", threads)).transpose()?,
-            image: ImageArray::new("image", image)?,
+            image: ImageArray::new("image", image, Layout::Hwc)?,
             border_value,
             out,
         })
@@ -127,15 +128,17 @@ impl<'a, 'py> Call<'a, 'py> {
         let border_value = options::border_value::<T>(self.border_value, self.image.dtype())?;
         let options = WarpOptions { border_value, threads: self.threads, ..WarpOptions::default() };
         let read = self.image.read()?;
-        let view = read.view::<T>()?;
-        let out = match self.out {
-            Some(out) if !out.is_none() => self.image.check_output(out, rows, columns)?,
-            _ => self.image.new_output(rows, columns)?,
+        let views = read.views::<T>()?;
+        let given = self.out.filter(|out| !out.is_none());
+        let out = match given {
+            Some(out) => self.image.check_output(out, rows, columns)?,
+            None => self.image.new_output(rows, columns)?,
         };
         let mut write = out.write()?;
-        let mut view_mut = write.view::<T>()?;
-        py.detach(|| warp(&view, mapping, &mut view_mut, self.border_mode, &options))?;
+        let mut outs = write.views::<T>();
+        py.detach(|| warp(&views[0], mapping, &mut outs[0], self.border_mode, &options))?;
+        drop(outs);
         drop(write);
-        Ok(out.into_array().into_any())
+        Ok(given.cloned().unwrap_or_else(|| out.into_array().into_any()))
     }
 }

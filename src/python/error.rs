@@ -36,6 +36,8 @@ impl From<Error> for PyErr {
             Error::EmptyImage { .. }
             | Error::ImageBuffer { .. }
             | Error::SizeMismatch { .. }
+            | Error::ImageCount { .. }
+            | Error::MixedChannels { .. }
             | Error::OutputShape { .. } => classes::ImageError::new_err(message),
             Error::Ground { .. }
             | Error::ImageSize { .. }

@@ -1,36 +1,47 @@
-//! Images as NumPy arrays: their layout checked by hand, their memory borrowed without a copy.
+//! Images as arrays: their layout checked by hand, their memory borrowed without a copy.
 
 use std::ops::Range;
 
+use numpy::npyffi::{PY_ARRAY_API, npy_intp};
 use numpy::{
     PyArrayDescr, PyArrayDescrMethods, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyReadwriteArrayDyn,
     PyUntypedArray, PyUntypedArrayMethods,
 };
 use pyo3::prelude::*;
 
-use super::convert::{tuple_text, type_name};
-use super::error::classes::{ArgumentTypeError, DtypeError, ImageError};
+use super::convert::tuple_text;
+use super::error::classes::{DtypeError, ImageError};
+use super::layout::Layout;
+use super::shared;
 use crate::{ImageView, ImageViewMut, Interpolation, Sample};
 
-/// An array that is an image: (H, W) or (H, W, C), aligned, native, its samples adjacent within a row.
+/// How often an axis is stepped along, and by how many bytes; an axis that is not there is one of length 1.
+#[derive(Clone, Copy)]
+struct Steps {
+    count: usize,
+    stride: isize,
+}
+
+/// An array that holds an image, or several: aligned, native, its samples adjacent within each row.
 pub(super) struct ImageArray<'py> {
     array: Bound<'py, PyUntypedArray>,
     dtype: Bound<'py, PyArrayDescr>,
+    layout: Layout,
     width: usize,
-    height: usize,
-    channels: usize,
-    /// Bytes from one row to the next.
-    row_stride: isize,
+    /// Samples of a pixel that lie together: 1 for planes.
+    samples: usize,
+    rows: Steps,
+    planes: Steps,
+    batch: Steps,
 }
 
 impl<'py> ImageArray<'py> {
     /// Checks everything but the dtype's kind; `name` is the argument's.
-    pub(super) fn new(name: &str, object: &Bound<'py, PyAny>) -> PyResult<Self> {
-        let Ok(array) = object.cast::<PyUntypedArray>() else {
-            let message =
-                format!("{name}: expected a NumPy array, got {}; use numpy.asarray({name})", type_name(object));
-            return Err(ArgumentTypeError::new_err(message));
-        };
+    pub(super) fn new(name: &str, object: &Bound<'py, PyAny>, layout: Layout) -> PyResult<Self> {
+        Self::of(name, shared::array(name, object, false)?, layout)
+    }
+
+    fn of(name: &str, array: Bound<'py, PyUntypedArray>, layout: Layout) -> PyResult<Self> {
         let dtype = array.dtype();
         if dtype.is_native_byteorder() == Some(false) {
             let mend = match name {
@@ -40,14 +51,15 @@ impl<'py> ImageArray<'py> {
             let message = format!("{name}: expected this machine's byte order, got {dtype}; {mend}");
             return Err(DtypeError::new_err(message));
         }
-        let shape = array.shape();
-        let (height, width, channels) = match *shape {
-            [height, width] => (height, width, 1),
-            [height, width, channels] => (height, width, channels),
-            _ => {
-                let got = tuple_text(shape);
-                return Err(ImageError::new_err(format!("{name}: expected shape (H, W) or (H, W, C), got {got}")));
-            }
+        let (shape, strides) = (array.shape(), array.strides());
+        let Some(axes) = layout.axes(shape.len()) else {
+            return Err(ImageError::new_err(format!(
+                "{name}: expected shape {} for layout=\"{}\", got {}{}",
+                layout.shape_text(),
+                layout.name(),
+                tuple_text(shape),
+                layout.hint(shape.len())
+            )));
         };
         if shape.contains(&0) {
             let got = tuple_text(shape);
@@ -58,48 +70,60 @@ impl<'py> ImageArray<'py> {
             let message = format!("{name}: expected a bool, integer or float dtype, got {dtype} of no bytes");
             return Err(DtypeError::new_err(message));
         }
-        let strides = array.strides();
         // an axis of length 1 is never stepped along, so NumPy lets its stride be anything
-        let steps = |axis: usize, expected: isize| shape[axis] == 1 || strides[axis] == expected;
-        let adjacent = steps(1, sample * channels as isize) && (shape.len() == 2 || steps(2, sample));
-        let row_stride = if height == 1 { sample * (width * channels) as isize } else { strides[0] };
-        if !adjacent || !array.is_aligned() || row_stride % sample != 0 {
+        let steps = |axis: Option<usize>| match axis {
+            Some(axis) if shape[axis] != 1 => Steps { count: shape[axis], stride: strides[axis] },
+            _ => Steps { count: 1, stride: 0 },
+        };
+        let adjacent = |steps: Steps, expected: isize| steps.count == 1 || steps.stride == expected;
+        let (samples, columns) = (steps(axes.samples), steps(Some(axes.columns)));
+        let (rows, planes, batch) = (steps(Some(axes.rows)), steps(axes.planes), steps(axes.batch));
+        let whole = [rows, planes, batch].iter().all(|steps| steps.stride % sample == 0);
+        let pixel = sample * samples.count as isize;
+        if !adjacent(samples, sample) || !adjacent(columns, pixel) || !whole || !array.is_aligned() {
             let message = format!(
-                "{name}: expected samples adjacent and aligned within each row (any row stride), got shape {} with strides {:?}; use numpy.ascontiguousarray({name})",
+                "{name}: expected samples adjacent and aligned within each row (any row stride), got shape {} with strides {:?}{}; use numpy.ascontiguousarray({name})",
                 tuple_text(shape),
-                strides
+                strides,
+                layout.elsewhere(),
             );
             return Err(ImageError::new_err(message));
         }
-        Ok(Self { array: array.clone(), dtype, width, height, channels, row_stride })
+        let (width, samples) = (columns.count, samples.count);
+        // the rows of an image of one row could be stepped along as those of any contiguous image
+        let rows = if rows.count == 1 { Steps { stride: pixel * width as isize, ..rows } } else { rows };
+        Ok(Self { array, dtype, layout, width, samples, rows, planes, batch })
     }
 
-    /// A new array for the result of warping this image: (rows, columns) or (rows, columns, C), not initialised.
+    /// A new array for the result of warping this image, not initialised.
     pub(super) fn new_output(&self, rows: usize, columns: usize) -> PyResult<Self> {
-        let numpy = self.array.py().import("numpy")?;
-        let array = match self.array.ndim() {
-            2 => numpy.call_method1("empty", ((rows, columns), &self.dtype)),
-            _ => numpy.call_method1("empty", ((rows, columns, self.channels), &self.dtype)),
-        }?;
-        Self::new("out", &array)
+        let py = self.array.py();
+        let (mut shape, dims) = self.output_shape(rows, columns);
+        let dims_of = shape.as_mut_ptr().cast::<npy_intp>();
+        // SAFETY: `dims` lengths, a dtype of which NumPy takes over one reference, and a new reference or null comes
+        // back. An array of that dtype is what `numpy.empty` makes, without the cost of asking for it by name.
+        let array = unsafe {
+            let dtype = self.dtype.clone().into_dtype_ptr();
+            Bound::from_owned_ptr_or_err(py, PY_ARRAY_API.PyArray_Empty(py, dims as _, dims_of, dtype, 0))?
+        };
+        Self::of("out", array.cast_into()?, self.layout)
     }
 
     /// Checks that `object` can take the result of warping this image.
     pub(super) fn check_output(&self, object: &Bound<'py, PyAny>, rows: usize, columns: usize) -> PyResult<Self> {
-        let expected = [rows, columns, self.channels];
-        let expected = &expected[..self.array.ndim()];
-        if let Ok(array) = object.cast::<PyUntypedArray>()
-            && array.shape() != expected
-        {
+        let array = shared::array("out", object, true)?;
+        let (shape, dims) = self.output_shape(rows, columns);
+        let expected = &shape[..dims];
+        if array.shape() != expected {
             let (expected, got) = (tuple_text(expected), tuple_text(array.shape()));
             return Err(ImageError::new_err(format!("out: expected shape {expected}, got {got}")));
         }
-        let out = Self::new("out", object)?;
+        let out = Self::of("out", array, self.layout)?;
         if !out.dtype.is_equiv_to(&self.dtype) {
             let message = format!("out: expected dtype {}, that of the image, got {}", self.dtype, out.dtype);
             return Err(DtypeError::new_err(message));
         }
-        if (out.row_stride.unsigned_abs()) < out.row_bytes() && out.height > 1 {
+        if out.rows_overlap() {
             return Err(ImageError::new_err(format!(
                 "out: expected rows that do not overlap, got strides {:?}; use numpy.empty({}, image.dtype)",
                 out.array.strides(),
@@ -131,8 +155,37 @@ impl<'py> ImageArray<'py> {
         }
     }
 
+    /// The shape of the result, in the first so many entries.
+    fn output_shape(&self, rows: usize, columns: usize) -> ([usize; 4], usize) {
+        let dims = self.array.ndim();
+        let mut shape = [1; 4];
+        shape[..dims].copy_from_slice(self.array.shape());
+        if let Some(axes) = self.layout.axes(dims) {
+            (shape[axes.rows], shape[axes.columns]) = (rows, columns);
+        }
+        (shape, dims)
+    }
+
     pub(super) fn dtype(&self) -> &Bound<'py, PyArrayDescr> {
         &self.dtype
+    }
+
+    pub(super) fn layout(&self) -> Layout {
+        self.layout
+    }
+
+    /// (width, height).
+    pub(super) fn size(&self) -> (usize, usize) {
+        (self.width, self.rows.count)
+    }
+
+    /// Channels of a picture, whether they lie together or in planes.
+    pub(super) fn channels(&self) -> usize {
+        self.samples * self.planes.count
+    }
+
+    pub(super) fn shape(&self) -> &[usize] {
+        self.array.shape()
     }
 
     pub(super) fn into_array(self) -> Bound<'py, PyUntypedArray> {
@@ -140,12 +193,33 @@ impl<'py> ImageArray<'py> {
     }
 
     fn row_bytes(&self) -> usize {
-        self.width * self.channels * self.dtype.itemsize()
+        self.width * self.samples * self.dtype.itemsize()
     }
 
-    /// Address of row 0's first byte.
+    /// Whether two rows may share a byte: each axis must step over all that the shorter steps reach.
+    fn rows_overlap(&self) -> bool {
+        let mut axes = [self.rows, self.planes, self.batch];
+        axes.sort_by_key(|axis| axis.stride.unsigned_abs());
+        let mut reach = self.row_bytes();
+        axes.into_iter().filter(|axis| axis.count > 1).any(|Steps { count, stride }| {
+            let overlap = stride.unsigned_abs() < reach;
+            reach += stride.unsigned_abs() * (count - 1);
+            overlap
+        })
+    }
+
+    /// Address of the array's first sample.
     fn address(&self) -> *mut u8 {
         self.bytes().data()
+    }
+
+    /// Address of row 0 of every plane of every image of the batch, in order.
+    fn planes(&self) -> impl Iterator<Item = *mut u8> + use<'_, 'py> {
+        let plane = |image: usize, plane: usize| {
+            let offset = self.batch.stride * image as isize + self.planes.stride * plane as isize;
+            self.address().wrapping_offset(offset)
+        };
+        (0..self.batch.count).flat_map(move |image| (0..self.planes.count).map(move |index| plane(image, index)))
     }
 
     /// The array under another element type: only for its data pointer and borrow flags, which do not look at it.
@@ -154,11 +228,20 @@ impl<'py> ImageArray<'py> {
         unsafe { self.array.cast_unchecked() }
     }
 
+    /// The addresses between which rows lie that begin at `first` and where `axes` lead from there.
+    fn reach(&self, first: *mut u8, axes: &[Steps]) -> Range<usize> {
+        let (mut start, mut end) = (first.addr(), first.addr() + self.row_bytes());
+        for axis in axes {
+            let far = axis.stride * (axis.count as isize - 1);
+            start = start.wrapping_add_signed(far.min(0));
+            end = end.wrapping_add_signed(far.max(0));
+        }
+        start..end
+    }
+
     /// The addresses between which all rows lie.
     fn span(&self) -> Range<usize> {
-        let first = self.address().addr();
-        let last = first.wrapping_add_signed(self.row_stride * (self.height as isize - 1));
-        first.min(last)..first.max(last) + self.row_bytes()
+        self.reach(self.address(), &[self.rows, self.planes, self.batch])
     }
 
     /// Borrows the array for reading.
@@ -192,21 +275,24 @@ pub(super) struct Reading<'a, 'py> {
 }
 
 impl Reading<'_, '_> {
-    /// The image's samples, `T` being of the size of its dtype.
-    pub(super) fn view<T: Sample>(&self) -> crate::Result<ImageView<'_, T>> {
+    /// The images, or their planes, `T` being of the size of the dtype.
+    pub(super) fn views<T: Sample>(&self) -> crate::Result<Vec<ImageView<'_, T>>> {
         let image = self.image;
-        let span = image.span();
         let sample = size_of::<T>();
         assert_eq!(sample, image.dtype.itemsize(), "chosen by the dtype");
-        let before = image.address().addr() - span.start;
-        // SAFETY: `span` is the memory of the array's own rows, checked to be aligned and adjacent, and the borrow keeps
-        // writers that use rust-numpy away; a `Sample` takes any bits. Padding between rows may belong to others, is
-        // never read, and nothing of ours writes to it: `check_output` refuses outputs within the span.
-        let data = unsafe {
-            std::slice::from_raw_parts(image.address().wrapping_sub(before).cast::<T>(), span.len() / sample)
+        let row_stride = image.rows.stride / sample as isize;
+        let view = |first: *mut u8| {
+            let span = image.reach(first, &[image.rows]);
+            let before = first.addr() - span.start;
+            // SAFETY: `span` is the memory of the array's own rows, checked to be aligned and adjacent, and the borrow
+            // keeps writers that use rust-numpy away; a `Sample` takes any bits. What lies between rows may belong to
+            // others, and nothing of ours writes to it: `check_output` refuses outputs within the whole array's span.
+            let data =
+                unsafe { std::slice::from_raw_parts(first.wrapping_sub(before).cast::<T>(), span.len() / sample) };
+            let size = (image.width, image.rows.count);
+            ImageView::with_row_stride(data, size, image.samples, before / sample, row_stride)
         };
-        let row_stride = image.row_stride / sample as isize;
-        ImageView::with_row_stride(data, (image.width, image.height), image.channels, before / sample, row_stride)
+        image.planes().map(view).collect()
     }
 }
 
@@ -217,17 +303,15 @@ pub(super) struct Writing<'a, 'py> {
 }
 
 impl Writing<'_, '_> {
-    /// The image's rows, `T` being of the size of its dtype.
-    pub(super) fn view<T: Sample>(&mut self) -> crate::Result<ImageViewMut<'_, T>> {
+    /// The images, or their planes, `T` being of the size of the dtype.
+    pub(super) fn views<T: Sample>(&mut self) -> Vec<ImageViewMut<'_, T>> {
         let image = self.image;
         assert_eq!(size_of::<T>(), image.dtype.itemsize(), "chosen by the dtype");
-        let samples = image.width * image.channels;
-        let row = |y: usize| {
-            let start = image.address().wrapping_offset(image.row_stride * y as isize).cast::<T>();
-            // SAFETY: row y of the array, checked to be aligned, adjacent, writable and apart from the other rows; the
-            // borrow, held by `self`, keeps every other user of rust-numpy away.
-            unsafe { std::slice::from_raw_parts_mut(start, samples) }
-        };
-        ImageViewMut::from_rows((0..image.height).map(row).collect(), image.width, image.channels)
+        let row_stride = image.rows.stride / size_of::<T>() as isize;
+        let size = (image.width, image.rows.count);
+        // SAFETY: the rows of the array, checked to be aligned, adjacent, writable and apart from each other (a new
+        // array's are); the borrow, held by `self`, keeps every other user of rust-numpy away.
+        let view = |first: *mut u8| unsafe { ImageViewMut::from_raw(first.cast(), size, image.samples, row_stride) };
+        image.planes().map(view).collect()
     }
 }

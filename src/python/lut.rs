@@ -10,11 +10,12 @@ use pyo3::types::{PyBytes, PyTuple, PyType};
 
 use super::camera::{PyCamera, road};
 use super::convert::{float, matrix3, size, tuple_text, type_name};
-use super::error::classes::{ArgumentTypeError, DtypeError, LutError};
+use super::error::classes::{ArgumentTypeError, DtypeError, ImageError, LutError};
 use super::grid::PyBevGrid;
 use super::image::ImageArray;
+use super::layout::Layout;
 use super::options;
-use crate::{Bilinear, ImageView, ImageViewMut, Interpolation, Lut, Sample, WarpOptions};
+use crate::{Bilinear, Error, ImageView, ImageViewMut, Interpolation, Lut, Sample, WarpOptions};
 
 /// Where every cell of a bird's-eye view samples the image: built once, used for every frame.
 #[pyclass(frozen, eq, module = "ipm_rs", name = "Lut")]
@@ -76,8 +77,8 @@ impl PyLut {
 
     /// Warps an image to the grid: a bird's-eye view.
     #[pyo3(
-        signature = (image, *, interpolation = None, border_value = None, out = None, threads = None),
-        text_signature = "(self, image, *, interpolation='bilinear', border_value=0, out=None, threads=None)"
+        signature = (image, *, interpolation = None, border_value = None, out = None, threads = None, layout = None),
+        text_signature = "(self, image, *, interpolation='bilinear', border_value=0, out=None, threads=None, layout='HWC')"
     )]
     fn warp<'py>(
         &self,
@@ -86,10 +87,13 @@ impl PyLut {
         border_value: Option<&Bound<'py, PyAny>>,
         out: Option<&Bound<'py, PyAny>>,
         threads: Option<&Bound<'py, PyAny>>,
+        layout: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
         let interpolation = interpolation.map_or(Ok(Interpolation::Bilinear), options::interpolation)?;
         let threads = threads.map(|threads| options::thread_count("threads", threads)).transpose()?;
-        let image = ImageArray::new("image", image)?;
+        let layout = layout.map_or(Ok(Layout::Hwc), options::layout)?;
+        let image = ImageArray::new("image", image, layout)?;
+        self.check_size(&image)?;
         let job = Job { lut: &self.lut, image: &image, border_value, out, threads };
         match (interpolation, image.sample_bytes(interpolation)?) {
             (Interpolation::Bilinear, 1) => job.bilinear::<u8>(),
@@ -168,8 +172,34 @@ impl PyLut {
     }
 }
 
-/// [`Lut::warp_into`] or [`Lut::warp_nearest_into`].
-type WarpFn<T> = fn(&Lut, &ImageView<'_, T>, &mut ImageViewMut<'_, T>, &WarpOptions<T>) -> crate::Result<()>;
+impl PyLut {
+    /// Refuses an image of another size; the commonest reason is another layout.
+    fn check_size(&self, image: &ImageArray<'_>) -> PyResult<()> {
+        let (width, height) = self.lut.source_size();
+        let expected = (width as usize, height as usize);
+        if image.size() == expected {
+            return Ok(());
+        }
+        let error = Error::SizeMismatch { expected, got: image.size() };
+        let shape = image.shape();
+        let other = Layout::ALL.into_iter().find(|layout| {
+            layout.axes(shape.len()).is_some_and(|axes| (shape[axes.columns], shape[axes.rows]) == expected)
+        });
+        Err(match other {
+            Some(other) => ImageError::new_err(format!(
+                "image: expected {} for layout=\"{}\", got {}, which fits layout=\"{}\" ({error})",
+                image.layout().shape_text(),
+                image.layout().name(),
+                tuple_text(shape),
+                other.name()
+            )),
+            None => error.into(),
+        })
+    }
+}
+
+/// [`Lut::warp_many_into`] or [`Lut::warp_many_nearest_into`].
+type WarpFn<T> = fn(&Lut, &[ImageView<'_, T>], &mut [ImageViewMut<'_, T>], &WarpOptions<T>) -> crate::Result<()>;
 
 /// One call of `warp`, its dtype not yet chosen.
 struct Job<'a, 'py> {
@@ -182,30 +212,36 @@ struct Job<'a, 'py> {
 
 impl<'py> Job<'_, 'py> {
     fn bilinear<T: Bilinear>(self) -> PyResult<Bound<'py, PyAny>> {
-        self.run::<T>(Lut::warp_into)
+        self.run::<T>(Lut::warp_many_into)
     }
 
     fn nearest<T: Sample>(self) -> PyResult<Bound<'py, PyAny>> {
-        self.run::<T>(Lut::warp_nearest_into)
+        self.run::<T>(Lut::warp_many_nearest_into)
     }
 
     fn run<T: Sample>(self, warp: WarpFn<T>) -> PyResult<Bound<'py, PyAny>> {
         let py = self.image.dtype().py();
         let border_value = options::border_value::<T>(self.border_value, self.image.dtype())?;
+        let (channels, values) = (self.image.channels(), border_value.len());
+        if values != 1 && values != channels {
+            return Err(Error::BorderChannels { expected: channels, got: values }.into());
+        }
         let options = WarpOptions { border_value, threads: self.threads, ..WarpOptions::default() };
         let read = self.image.read()?;
-        let view = read.view::<T>()?;
-        self.lut.check_image(&view, &options)?; // before an output is allocated
+        let views = read.views::<T>()?;
+        self.lut.check_images(&views, &options)?; // before an output is allocated
         let (rows, columns) = (self.lut.rows(), self.lut.columns());
-        let out = match self.out {
-            Some(out) if !out.is_none() => self.image.check_output(out, rows, columns)?,
-            _ => self.image.new_output(rows, columns)?,
+        let given = self.out.filter(|out| !out.is_none());
+        let out = match given {
+            Some(out) => self.image.check_output(out, rows, columns)?,
+            None => self.image.new_output(rows, columns)?,
         };
         let mut write = out.write()?;
-        let mut view_mut = write.view::<T>()?;
-        py.detach(|| warp(self.lut, &view, &mut view_mut, &options))?;
+        let mut outs = write.views::<T>();
+        py.detach(|| warp(self.lut, &views, &mut outs, &options))?;
+        drop(outs);
         drop(write);
-        Ok(out.into_array().into_any())
+        Ok(given.cloned().unwrap_or_else(|| out.into_array().into_any()))
     }
 }
 

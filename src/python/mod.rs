@@ -3,7 +3,9 @@
 //! | Python | Rust |
 //! |---|---|
 //! | image `(H, W)` or `(H, W, C)`, any row stride | [`ImageView`](crate::ImageView) of the array's own memory |
-//! | `out` | [`ImageViewMut`](crate::ImageViewMut), a slice for each row |
+//! | `(C, H, W)`, `(N, H, W, C)`, `(N, C, H, W)` | an `ImageView` for each plane or each image |
+//! | `out` | [`ImageViewMut`](crate::ImageViewMut), likewise |
+//! | tensors and buffers of other libraries | an array over their memory, see [`shared`] |
 //! | points `(N, k)`, matrices, anything array-like of real numbers | float64, converted by NumPy |
 //! | `(width, height)` | `(u32, u32)` |
 //! | [`Error`](crate::Error) | a class of `ipm_rs.errors`, see [`error`] |
@@ -20,8 +22,10 @@ mod error;
 mod geometry;
 mod grid;
 mod image;
+mod layout;
 mod lut;
 mod options;
+mod shared;
 
 use pyo3::prelude::*;
 use pyo3::types::PyDict;

@@ -2,49 +2,63 @@
 
 use numpy::{PyArrayDescr, PyArrayDescrMethods, PyUntypedArray, PyUntypedArrayMethods};
 use pyo3::prelude::*;
-use pyo3::types::{PyBool, PyBytes, PyInt, PyList};
+use pyo3::types::{PyBool, PyBytes, PyInt, PyList, PyString};
 
 use super::convert::type_name;
 use super::error::classes::{ArgumentError, ArgumentTypeError};
+use super::layout::Layout;
 use crate::image::as_bytes_mut;
 use crate::{BorderMode, Interpolation, Sample};
 
 /// `"bilinear"` or `"nearest"`.
 pub(super) fn interpolation(object: &Bound<'_, PyAny>) -> PyResult<Interpolation> {
     let expected = "interpolation: expected \"bilinear\" or \"nearest\"";
-    match object.extract::<String>().as_deref() {
-        Ok("bilinear") => Ok(Interpolation::Bilinear),
-        Ok("nearest") => Ok(Interpolation::Nearest),
-        Ok(other) => Err(ArgumentError::new_err(format!("{expected}, got {other:?}"))),
-        Err(_) => Err(ArgumentTypeError::new_err(format!("{expected}, got {}", type_name(object)))),
+    match name(expected, object)? {
+        "bilinear" => Ok(Interpolation::Bilinear),
+        "nearest" => Ok(Interpolation::Nearest),
+        other => Err(ArgumentError::new_err(format!("{expected}, got {other:?}"))),
     }
 }
 
 /// `"constant"`, `"replicate"` or `"reflect_101"`.
 pub(super) fn border_mode(object: &Bound<'_, PyAny>) -> PyResult<BorderMode> {
     let expected = "border_mode: expected \"constant\", \"replicate\" or \"reflect_101\"";
-    match object.extract::<String>().as_deref() {
-        Ok("constant") => Ok(BorderMode::Constant),
-        Ok("replicate") => Ok(BorderMode::Replicate),
-        Ok("reflect_101") => Ok(BorderMode::Reflect101),
-        Ok(other) => Err(ArgumentError::new_err(format!("{expected}, got {other:?}"))),
-        Err(_) => Err(ArgumentTypeError::new_err(format!("{expected}, got {}", type_name(object)))),
+    match name(expected, object)? {
+        "constant" => Ok(BorderMode::Constant),
+        "replicate" => Ok(BorderMode::Replicate),
+        "reflect_101" => Ok(BorderMode::Reflect101),
+        other => Err(ArgumentError::new_err(format!("{expected}, got {other:?}"))),
     }
+}
+
+/// `"HWC"`, `"CHW"`, `"NHWC"` or `"NCHW"`.
+pub(super) fn layout(object: &Bound<'_, PyAny>) -> PyResult<Layout> {
+    let expected = "layout: expected \"HWC\", \"CHW\", \"NHWC\" or \"NCHW\"";
+    let got = name(expected, object)?;
+    let found = Layout::ALL.into_iter().find(|layout| layout.name() == got);
+    found.ok_or_else(|| ArgumentError::new_err(format!("{expected}, got {got:?}")))
+}
+
+fn name<'a>(expected: &str, object: &'a Bound<'_, PyAny>) -> PyResult<&'a str> {
+    let Ok(text) = object.cast::<PyString>() else {
+        return Err(ArgumentTypeError::new_err(format!("{expected}, got {}", type_name(object))));
+    };
+    text.to_str()
 }
 
 /// A number of threads: a whole number of at least 1.
 pub(super) fn thread_count(name: &str, object: &Bound<'_, PyAny>) -> PyResult<usize> {
-    let expected = format!("{name}: expected a whole number of threads, at least 1");
+    let expected = || format!("{name}: expected a whole number of threads, at least 1");
     if object.is_instance_of::<PyBool>() {
-        return Err(ArgumentTypeError::new_err(format!("{expected}, got a bool")));
+        return Err(ArgumentTypeError::new_err(format!("{}, got a bool", expected())));
     }
     match object.extract::<i128>() {
         Ok(count) if count > 0 => Ok(usize::try_from(count).unwrap_or(usize::MAX)),
-        Ok(count) => Err(ArgumentError::new_err(format!("{expected}, got {count}"))),
+        Ok(count) => Err(ArgumentError::new_err(format!("{}, got {count}", expected()))),
         Err(_) if object.is_instance_of::<PyInt>() => {
-            Err(ArgumentError::new_err(format!("{expected} and of a sensible size, got one beyond 128 bits")))
+            Err(ArgumentError::new_err(format!("{} and of a sensible size, got one beyond 128 bits", expected())))
         }
-        Err(_) => Err(ArgumentTypeError::new_err(format!("{expected}, got {}", type_name(object)))),
+        Err(_) => Err(ArgumentTypeError::new_err(format!("{}, got {}", expected(), type_name(object)))),
     }
 }
 

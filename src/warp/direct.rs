@@ -1,5 +1,7 @@
 //! Warps without a table, for maps that are used once: each row is packed into a few kilobytes and warped at once.
 
+use std::slice;
+
 use nalgebra::Matrix3;
 
 use super::{Bilinear, WarpOptions, kernels::RowKernels, kernels::Source, warp_segments};
@@ -107,7 +109,7 @@ pub fn warp_direct_into<T: Bilinear>(
     border_mode: BorderMode,
     options: &WarpOptions<T>,
 ) -> Result<()> {
-    run(image, mapping, out, border_mode, options, options.kernels(image)?)
+    run(image, mapping, out, border_mode, options, options.kernels(slice::from_ref(image))?)
 }
 
 /// The same with nearest, for samples of any kind; `options.interpolation` is not looked at.
@@ -121,7 +123,7 @@ pub fn warp_direct_nearest_into<T: Sample>(
     border_mode: BorderMode,
     options: &WarpOptions<T>,
 ) -> Result<()> {
-    run(image, mapping, out, border_mode, options, options.nearest_kernels(image)?)
+    run(image, mapping, out, border_mode, options, options.nearest_kernels(slice::from_ref(image))?)
 }
 
 /// The inverse of a homography.
@@ -159,7 +161,7 @@ fn run<T: Sample>(
     if channels != image.channels() {
         return Err(Error::OutputShape { expected: (rows, columns, image.channels()), got: out.shape() });
     }
-    let border = options.border(image.channels())?;
+    let border = options.border(image.channels(), 1)?;
     let (threads, isa) = (options.threads_for(rows * columns)?, options.isa()?);
     let source = Source::new(image, &border);
     let whole: Vec<f64> = (0..columns).map(|column| column as f64).collect();

@@ -38,7 +38,7 @@ impl<T: Default> Default for WarpOptions<T> {
 
 /// Outputs of fewer cells than this are warped on the caller's thread. Waking a helper takes 5 to 20 us here, in
 /// which one thread warps that many cells.
-const INLINE_CELLS: usize = 1 << 14;
+pub(super) const INLINE_CELLS: usize = 1 << 14;
 
 impl<T: Copy> WarpOptions<T> {
     /// The instruction set to use, which this CPU can run.
@@ -53,29 +53,32 @@ impl<T: Copy> WarpOptions<T> {
         Ok(if cells < INLINE_CELLS { 1 } else { threads })
     }
 
-    /// The border value of each channel.
-    pub(super) fn border(&self, channels: usize) -> Result<Vec<T>> {
+    /// The border value of each channel of the images; or, for images of one channel, of each plane in turn.
+    pub(super) fn border(&self, channels: usize, images: usize) -> Result<Vec<T>> {
         match self.border_value.len() {
             1 => Ok(vec![self.border_value[0]; channels]),
             values if values == channels => Ok(self.border_value.clone()),
+            values if values > 0 && channels == 1 && images.is_multiple_of(values) => Ok(self.border_value.clone()),
             values => Err(Error::BorderChannels { expected: channels, got: values }),
         }
     }
 }
 
 impl<T: Sample> WarpOptions<T> {
-    /// The kernels of nearest.
-    pub(super) fn nearest_kernels(&self, image: &ImageView<'_, T>) -> Result<RowKernels<T>> {
-        Ok(RowKernels::nearest(self.isa()?, image.channels(), image.is_contiguous()))
+    /// The kernels of nearest for images of one number of channels, of which there is at least one.
+    pub(super) fn nearest_kernels(&self, images: &[ImageView<'_, T>]) -> Result<RowKernels<T>> {
+        let contiguous = images.iter().all(ImageView::is_contiguous);
+        Ok(RowKernels::nearest(self.isa()?, images[0].channels(), contiguous))
     }
 }
 
 impl<T: Bilinear> WarpOptions<T> {
-    /// The kernels of these options' interpolation.
-    pub(super) fn kernels(&self, image: &ImageView<'_, T>) -> Result<RowKernels<T>> {
+    /// The kernels of these options' interpolation, likewise.
+    pub(super) fn kernels(&self, images: &[ImageView<'_, T>]) -> Result<RowKernels<T>> {
+        let contiguous = images.iter().all(ImageView::is_contiguous);
         match self.interpolation {
-            Interpolation::Nearest => self.nearest_kernels(image),
-            Interpolation::Bilinear => Ok(RowKernels::bilinear(self.isa()?, image.channels(), image.is_contiguous())),
+            Interpolation::Nearest => self.nearest_kernels(images),
+            Interpolation::Bilinear => Ok(RowKernels::bilinear(self.isa()?, images[0].channels(), contiguous)),
         }
     }
 }

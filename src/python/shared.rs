@@ -1,0 +1,114 @@
+//! Memory of other libraries as NumPy arrays: tensors, buffers, whatever shares what it holds without a copy.
+
+use numpy::{PyArrayDescrMethods, PyUntypedArray, PyUntypedArrayMethods};
+use pyo3::exceptions::PyException;
+use pyo3::prelude::*;
+use pyo3::types::{PyBytes, PyMemoryView};
+
+use super::convert::{tuple_text, type_name};
+use super::error::classes::ArgumentTypeError;
+
+/// DLPack's device types whose memory the CPU reaches, as NumPy lists them: CPU, CUDA host, ROCm host, CUDA managed.
+const HOST_DEVICES: [i64; 4] = [1, 3, 11, 13];
+
+/// The array of an argument: the object itself if it is one, else a view of the memory that it shares.
+///
+/// # Errors
+/// `ArgumentTypeError` where the memory is on another device or cannot be had without a copy.
+pub(super) fn array<'py>(
+    name: &str,
+    object: &Bound<'py, PyAny>,
+    writable: bool,
+) -> PyResult<Bound<'py, PyUntypedArray>> {
+    match object.cast::<PyUntypedArray>() {
+        Ok(array) => Ok(array.clone()),
+        Err(_) => shared(name, object, writable),
+    }
+}
+
+/// A way to an array, if the object offers it.
+type Way = for<'py> fn(&Bound<'py, PyAny>) -> PyResult<Option<Bound<'py, PyUntypedArray>>>;
+
+#[cold]
+fn shared<'py>(name: &str, object: &Bound<'py, PyAny>, writable: bool) -> PyResult<Bound<'py, PyUntypedArray>> {
+    check_device(name, object)?;
+    // DLPack hands out read-only memory where the producer or NumPy are older than its version 1; NumPy's own protocols
+    // know whether it may be written to. They, in turn, are not everywhere.
+    let ways: [Way; 2] = if writable { [by_numpy, by_dlpack] } else { [by_dlpack, by_numpy] };
+    let (mut found, mut problem) = (None, None);
+    for way in ways {
+        match way(object) {
+            Ok(Some(array)) if !writable || is_writable(&array)? => {
+                found = Some(array);
+                break;
+            }
+            Ok(array) => found = found.or(array),
+            Err(error) if error.is_instance_of::<PyException>(object.py()) => problem = problem.or(Some(error)),
+            Err(error) => return Err(error), // an interrupt is not ours to explain
+        }
+    }
+    let got = type_name(object);
+    match (found, problem) {
+        (Some(array), _) if array.ndim() >= 2 => Ok(array),
+        (Some(array), _) => Err(ArgumentTypeError::new_err(format!(
+            "{name}: expected an array with rows and columns, got {got} of shape {}; use numpy.frombuffer({name}, dtype).reshape(shape)",
+            tuple_text(array.shape())
+        ))),
+        (None, None) => Err(ArgumentTypeError::new_err(format!(
+            "{name}: expected a NumPy array or memory that is shared as one (DLPack, buffer protocol), got {got}; use numpy.asarray({name})"
+        ))),
+        (None, Some(problem)) => {
+            let message =
+                format!("{name}: expected a NumPy array or memory that is shared as one, got {got}: {problem}");
+            let error = ArgumentTypeError::new_err(message);
+            error.set_cause(object.py(), Some(problem));
+            Err(error)
+        }
+    }
+}
+
+/// Refuses memory of a device that the CPU does not reach.
+fn check_device(name: &str, object: &Bound<'_, PyAny>) -> PyResult<()> {
+    let Some(device) = object.getattr_opt("__dlpack_device__")? else { return Ok(()) };
+    match device.call0().and_then(|device| device.extract::<(i64, i64)>()) {
+        Ok((kind, _)) if !HOST_DEVICES.contains(&kind) => Err(ArgumentTypeError::new_err(format!(
+            "{name}: expected memory of the CPU, got {} on another device (DLPack device type {kind}); use {name}.cpu()",
+            type_name(object)
+        ))),
+        _ => Ok(()), // if it is broken, so is the export, and that says why
+    }
+}
+
+fn by_dlpack<'py>(object: &Bound<'py, PyAny>) -> PyResult<Option<Bound<'py, PyUntypedArray>>> {
+    if !object.hasattr("__dlpack__")? {
+        return Ok(None);
+    }
+    let array = object.py().import("numpy")?.call_method1("from_dlpack", (object,))?;
+    Ok(array.cast_into::<PyUntypedArray>().ok())
+}
+
+/// By the buffer protocol, `__array_interface__`, `__array_struct__` or `__array__`, if that is not a copy.
+fn by_numpy<'py>(object: &Bound<'py, PyAny>) -> PyResult<Option<Bound<'py, PyUntypedArray>>> {
+    let mut shares = !object.is_instance_of::<PyBytes>() && PyMemoryView::from(object).is_ok();
+    for protocol in ["__array_interface__", "__array_struct__", "__array__"] {
+        shares = shares || object.hasattr(protocol)?;
+    }
+    if !shares {
+        return Ok(None);
+    }
+    let numpy = object.py().import("numpy")?;
+    let asarray = || -> PyResult<_> { Ok(numpy.call_method1("asarray", (object,))?.cast_into::<PyUntypedArray>()?) };
+    // NumPy 1 cannot be asked not to copy, and NumPy 2 passes the question on to objects that do not know it. But two
+    // copies cannot be in one place at a time.
+    let (array, again) = (asarray()?, asarray()?);
+    let same = address(&array)? == address(&again)?;
+    Ok(Some(array).filter(|array| same && array.dtype().kind() != b'O'))
+}
+
+fn address(array: &Bound<'_, PyUntypedArray>) -> PyResult<(usize, bool)> {
+    array.getattr("__array_interface__")?.get_item("data")?.extract()
+}
+
+fn is_writable(array: &Bound<'_, PyUntypedArray>) -> PyResult<bool> {
+    array.getattr("flags")?.getattr("writeable")?.extract()
+}
