@@ -4,8 +4,10 @@
 //! The pool is ours and not rayon's global one because a fork (PyTorch's DataLoader, multiprocessing) leaves a child
 //! with a pool whose threads do not exist: here a child finds none for its process id and makes a fresh one.
 
+use std::any::Any;
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Mutex, OnceLock, PoisonError};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, OnceLock, PoisonError};
 
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
@@ -30,15 +32,20 @@ pub fn set_num_threads(threads: usize) -> Result<()> {
 /// How many threads a call uses when it does not say: that of [`set_num_threads`], else `IPM_RS_NUM_THREADS` if it is
 /// a positive integer, else the CPUs that the process may use (affinity and control groups respected).
 pub fn num_threads() -> usize {
-    static DEFAULT: OnceLock<usize> = OnceLock::new();
-    match REQUESTED.load(Ordering::Relaxed) {
-        0 => *DEFAULT.get_or_init(|| {
-            let from_environment = std::env::var("IPM_RS_NUM_THREADS").ok().and_then(|value| value.trim().parse().ok());
-            let available = || std::thread::available_parallelism().map_or(1, usize::from);
-            from_environment.filter(|&threads| threads > 0).unwrap_or_else(available).min(MAX_THREADS)
-        }),
-        threads => threads,
+    // two threads may find it out at the same time; a lock that one of them held would be locked for ever in a child
+    // that is forked meanwhile
+    static DEFAULT: AtomicUsize = AtomicUsize::new(0);
+    for known in [&REQUESTED, &DEFAULT] {
+        match known.load(Ordering::Relaxed) {
+            0 => {}
+            threads => return threads,
+        }
     }
+    let from_environment = std::env::var("IPM_RS_NUM_THREADS").ok().and_then(|value| value.trim().parse().ok());
+    let available = || std::thread::available_parallelism().map_or(1, usize::from);
+    let threads = from_environment.filter(|&threads| threads > 0).unwrap_or_else(available).min(MAX_THREADS);
+    DEFAULT.store(threads, Ordering::Relaxed);
+    threads
 }
 
 /// Refuses a thread count below one.
@@ -47,7 +54,8 @@ pub(crate) fn check_threads(threads: usize) -> Result<()> {
 }
 
 /// Runs `work` on every job, at most `threads` at once, the caller's thread among them. Jobs are handed out in order
-/// as threads come free, so bands of unequal cost even out.
+/// as threads come free, so bands of unequal cost even out. The caller waits for nobody who has not begun to help: a
+/// pool that is busy with other callers, or whose threads get no CPU, costs it nothing.
 pub(crate) fn for_each<J: Send>(threads: usize, jobs: impl Iterator<Item = J> + Send, work: impl Fn(J) + Sync) {
     let helpers = threads.min(MAX_THREADS) - 1;
     let pool = if helpers == 0 { None } else { pool(num_threads()) };
@@ -56,18 +64,104 @@ pub(crate) fn for_each<J: Send>(threads: usize, jobs: impl Iterator<Item = J> + 
         return;
     };
     let queue = Mutex::new(jobs);
-    let next = || queue.lock().unwrap_or_else(PoisonError::into_inner).next();
+    let next = || lock(&queue).next();
     let drain = || {
         while let Some(job) = next() {
             work(job);
         }
     };
-    pool.in_place_scope(|scope| {
-        for _ in 0..helpers.min(pool.current_num_threads()) {
-            scope.spawn(|_| drain());
+    let crew = Crew::new(&drain);
+    for _ in 0..helpers.min(pool.current_num_threads()) {
+        let helper = Arc::clone(&crew.0);
+        pool.spawn(move || helper.help());
+    }
+    drain();
+    crew.dismiss();
+}
+
+/// The helpers of one call, which ends when the last of them who began to help has finished.
+struct Crew<'a>(Arc<Shared>, std::marker::PhantomData<&'a ()>);
+
+struct Shared {
+    /// The call's work, borrowed by its [`Crew`] and forgotten by `close`.
+    work: Work,
+    state: Mutex<State>,
+    /// Told when `helping` falls to 0.
+    idle: Condvar,
+}
+
+struct Work(*const (dyn Fn() + Sync));
+
+// SAFETY: a shared reference to something that is `Sync`, under another name.
+unsafe impl Send for Work {}
+// SAFETY: likewise.
+unsafe impl Sync for Work {}
+
+#[derive(Default)]
+struct State {
+    closed: bool,
+    helping: usize,
+    panic: Option<Box<dyn Any + Send>>,
+}
+
+impl<'a> Crew<'a> {
+    fn new(work: &'a (dyn Fn() + Sync + 'a)) -> Self {
+        // SAFETY: only the lifetime changes. `help` calls it between `close` not having come and `close` having
+        // returned, which the crew's drop, within 'a, does at the latest.
+        let work: &'static (dyn Fn() + Sync) = unsafe { std::mem::transmute(work) };
+        let (state, idle) = (Mutex::default(), Condvar::new());
+        Self(Arc::new(Shared { work: Work(work), state, idle }), std::marker::PhantomData)
+    }
+
+    /// Waits for those who help, and passes on a helper's panic.
+    fn dismiss(self) {
+        if let Some(panic) = self.0.close() {
+            resume_unwind(panic);
         }
-        drain();
-    });
+    }
+}
+
+impl Drop for Crew<'_> {
+    fn drop(&mut self) {
+        self.0.close();
+    }
+}
+
+impl Shared {
+    fn help(&self) {
+        {
+            let mut state = lock(&self.state);
+            if state.closed {
+                return;
+            }
+            state.helping += 1;
+        }
+        // SAFETY: not closed when this helper was counted, so `close` waits for it; see `Crew::new`.
+        let result = catch_unwind(AssertUnwindSafe(|| unsafe { (*self.work.0)() }));
+        let mut state = lock(&self.state);
+        state.helping -= 1;
+        if let Err(panic) = result {
+            state.panic = Some(panic);
+        }
+        if state.helping == 0 {
+            self.idle.notify_one();
+        }
+    }
+
+    /// Lets nobody begin any more, waits for those who have, and returns what one of them panicked with.
+    fn close(&self) -> Option<Box<dyn Any + Send>> {
+        let mut state = lock(&self.state);
+        state.closed = true;
+        while state.helping > 0 {
+            state = self.idle.wait(state).unwrap_or_else(PoisonError::into_inner);
+        }
+        state.panic.take()
+    }
+}
+
+/// Locks, also after a panic: what the locks here guard is never left half changed.
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// How many rows make a band: a few bands for each thread, so that they even out, and none too small to be worth
@@ -124,6 +218,39 @@ mod tests {
             });
             assert!(done.iter().all(|job| job.load(Ordering::Relaxed) == 1));
         }
+    }
+
+    #[test]
+    fn a_panic_reaches_the_caller_and_leaves_the_pool_usable() {
+        if num_threads() == 1 {
+            return; // nobody to meet at the barrier
+        }
+        for on_caller in [true, false] {
+            let caller = std::thread::current().id();
+            let result = catch_unwind(|| {
+                // barriers of two: caller and helper both take a job before one of them panics
+                let both = std::sync::Barrier::new(2);
+                for_each(2, 0..2, |_| {
+                    both.wait();
+                    assert!((std::thread::current().id() == caller) != on_caller, "on purpose");
+                });
+            });
+            assert!(result.is_err());
+            every_job_runs_once_whatever_the_threads();
+        }
+    }
+
+    #[test]
+    fn callers_do_not_wait_for_helpers_of_others() {
+        let release = Mutex::new(());
+        let held = lock(&release);
+        std::thread::scope(|scope| {
+            // occupies every thread of the pool until it is let go
+            scope.spawn(|| for_each(MAX_THREADS, 0..MAX_THREADS, |_| drop(lock(&release))));
+            std::thread::sleep(std::time::Duration::from_millis(20));
+            every_job_runs_once_whatever_the_threads();
+            drop(held);
+        });
     }
 
     #[test]
