@@ -17,8 +17,26 @@ macro_rules! kernel {
 }
 
 /// Nearest, for pixels of so many bytes.
-pub(super) fn nearest<T: Sample>(_isa: Isa, _pixel_bytes: usize) -> Option<RowKernel<T>> {
-    None
+pub(super) fn nearest<T: Sample>(isa: Isa, pixel_bytes: usize) -> Option<RowKernel<T>> {
+    match (isa, pixel_bytes) {
+        #[cfg(target_arch = "x86_64")]
+        (Isa::Avx512, 1) => kernel!(super::avx512::nearest::<T, 1>),
+        #[cfg(target_arch = "x86_64")]
+        (Isa::Avx512, 2) => kernel!(super::avx512::nearest::<T, 2>),
+        #[cfg(target_arch = "x86_64")]
+        (Isa::Avx512, 3) => kernel!(super::avx512::nearest::<T, 3>),
+        #[cfg(target_arch = "x86_64")]
+        (Isa::Avx512, 4) => kernel!(super::avx512::nearest::<T, 4>),
+        #[cfg(target_arch = "x86_64")]
+        (Isa::Avx512, 6) => kernel!(super::avx512::nearest::<T, 6>),
+        #[cfg(target_arch = "x86_64")]
+        (Isa::Avx512, 8) => kernel!(super::avx512::nearest::<T, 8>),
+        #[cfg(target_arch = "x86_64")]
+        (Isa::Avx512, 12) => kernel!(super::avx512::nearest::<T, 12>),
+        #[cfg(target_arch = "x86_64")]
+        (Isa::Avx512, 16) => kernel!(super::avx512::nearest::<T, 16>),
+        _ => None,
+    }
 }
 
 /// Bilinear of 8-bit images.
@@ -35,11 +53,31 @@ pub(super) fn bilinear_u8(isa: Isa, channels: usize) -> Option<RowKernel<u8>> {
 }
 
 /// Bilinear of 16-bit images.
-pub(super) fn bilinear_u16(_isa: Isa, _channels: usize) -> Option<RowKernel<u16>> {
-    None
+pub(super) fn bilinear_u16(isa: Isa, channels: usize) -> Option<RowKernel<u16>> {
+    match (isa, channels) {
+        #[cfg(target_arch = "x86_64")]
+        (Isa::Avx512, 1) => kernel!(super::avx512::bilinear_float::<u16, 1>),
+        #[cfg(target_arch = "x86_64")]
+        (Isa::Avx512, 3) => kernel!(super::avx512::bilinear_float::<u16, 3>),
+        #[cfg(target_arch = "x86_64")]
+        (Isa::Avx512, 4) => kernel!(super::avx512::bilinear_float::<u16, 4>),
+        #[cfg(target_arch = "x86_64")]
+        (Isa::Avx512, _) => kernel!(super::avx512::bilinear_float_any::<u16>),
+        _ => None,
+    }
 }
 
 /// Bilinear of float images.
-pub(super) fn bilinear_f32(_isa: Isa, _channels: usize) -> Option<RowKernel<f32>> {
-    None
+pub(super) fn bilinear_f32(isa: Isa, channels: usize) -> Option<RowKernel<f32>> {
+    match (isa, channels) {
+        #[cfg(target_arch = "x86_64")]
+        (Isa::Avx512, 1) => kernel!(super::avx512::bilinear_float::<f32, 1>),
+        #[cfg(target_arch = "x86_64")]
+        (Isa::Avx512, 3) => kernel!(super::avx512::bilinear_float::<f32, 3>),
+        #[cfg(target_arch = "x86_64")]
+        (Isa::Avx512, 4) => kernel!(super::avx512::bilinear_float::<f32, 4>),
+        #[cfg(target_arch = "x86_64")]
+        (Isa::Avx512, _) => kernel!(super::avx512::bilinear_float_any::<f32>),
+        _ => None,
+    }
 }

@@ -19,7 +19,7 @@
 
 use std::arch::x86_64::*;
 
-use super::{Group, all_within, scalar_offset, window};
+use super::{Group, all_within, opaque, scalar_positions, window};
 use crate::lut::table::Tap;
 use crate::warp::kernels::plane::Plane;
 use crate::warp::kernels::{Source, scalar};
@@ -219,7 +219,7 @@ fn store_planar<const CHANNELS: usize>(blends: [__m512i; 4], cells: &mut [u8]) {
 /// Stores sixteen cells of four bytes, without the fourth where there are three channels.
 #[inline]
 #[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512vbmi,avx512vnni")]
-fn store_cells<const CHANNELS: usize>(sixteen: __m512i, cells: &mut [u8]) {
+pub(super) fn store_cells<const CHANNELS: usize>(sixteen: __m512i, cells: &mut [u8]) {
     assert_eq!(cells.len(), 16 * CHANNELS);
     let at = cells.as_mut_ptr();
     if CHANNELS == 4 {
@@ -290,32 +290,6 @@ fn load_cells(plane: &Plane<'_>, one: usize, other: usize) -> __m512i {
     let cells = _mm512_inserti32x4::<1>(cells, load(one, plane.row_stride));
     let cells = _mm512_inserti32x4::<2>(cells, load(other, 0));
     opaque(_mm512_inserti32x4::<3>(cells, load(other, plane.row_stride)))
-}
-
-/// The same vector, of which the compiler must believe that every byte matters. It otherwise narrows the loads to the 6
-/// or 8 bytes that are used and puts them together with two to three times the instructions (0.58 ms became XXX).
-#[inline]
-#[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512vbmi,avx512vnni")]
-fn opaque(mut vector: __m512i) -> __m512i {
-    // SAFETY: no instruction at all.
-    unsafe { std::arch::asm!("/* {0} */", inout(zmm_reg) vector, options(pure, nomem, nostack, preserves_flags)) };
-    vector
-}
-
-/// The sixteen byte positions as numbers.
-///
-/// Where rows are back to back they are worked out anew from the taps: reading the lanes of a vector that was just
-/// stored waits for the store (1.3 ns a cell became XXX), and extracting them takes two shuffles each.
-#[inline]
-#[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512vbmi,avx512vnni")]
-fn scalar_positions<const CHANNELS: usize>(plane: &Plane<'_>, taps: &[Tap; 16], positions: __m512i) -> [usize; 16] {
-    if plane.strided.is_none() {
-        return std::array::from_fn(|cell| scalar_offset(taps, cell) * CHANNELS);
-    }
-    let mut lanes = [0u32; 16];
-    // SAFETY: sixteen lanes are 64 bytes.
-    unsafe { _mm512_storeu_si512(lanes.as_mut_ptr().cast(), positions) };
-    lanes.map(|lane| lane as usize)
 }
 
 /// Stores what [`gather`] returns.
