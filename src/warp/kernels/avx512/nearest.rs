@@ -30,20 +30,7 @@ pub(in crate::warp::kernels) fn nearest<T: Sample, const PIXEL: usize>(
 ) {
     let plane = Plane::new(source).filter(|_| taps.len() >= 16);
     let Some(plane) = plane else { return scalar::nearest::<T, 0, false>(source, taps, cells) };
-    debug_assert_eq!(plane.pixel as usize, PIXEL);
-    let limit = |bytes| plane.limit(bytes) as isize;
-    let reach = Reach { near: limit(64), wide: limit(128), widest: limit(256), gathered: limit(PIXEL + loaded(PIXEL)) };
-    let channels = source.channels();
-    let width = source.image.width();
-    for group in 0..taps.len().div_ceil(16) {
-        // the last group reaches back to be whole: some cells are copied twice
-        let first = (16 * group).min(taps.len() - 16);
-        let taps = taps[first..].first_chunk().expect("sixteen are left");
-        let cells = &mut cells[first * channels..(first + 16) * channels];
-        if !copy_group::<PIXEL>(&plane, width, reach, taps, as_bytes_mut(cells)) {
-            scalar::nearest::<T, 0, false>(source, taps, cells);
-        }
-    }
+    copy_run::<PIXEL>(&plane, source.image.width(), taps, as_bytes_mut(cells));
 }
 
 /// The last byte positions from which the loads of each way stay inside the image, there and one row below.
@@ -52,10 +39,24 @@ struct Reach {
     near: isize,
     wide: isize,
     widest: isize,
-    gathered: isize,
+    single: isize,
 }
 
-/// Copies sixteen cells; false, and nothing written, where a load would leave the image.
+/// Apart from [`nearest`], so that there is one of it for all dtypes and its constants stay in registers.
+#[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512vbmi,avx512vnni")]
+fn copy_run<const PIXEL: usize>(plane: &Plane<'_>, width: usize, taps: &[Tap], cells: &mut [u8]) {
+    debug_assert_eq!(plane.pixel as usize, PIXEL);
+    let limit = |bytes| plane.limit(bytes) as isize;
+    let reach = Reach { near: limit(64), wide: limit(128), widest: limit(256), single: limit(PIXEL + loaded(PIXEL)) };
+    for group in 0..taps.len().div_ceil(16) {
+        // the last group reaches back to be whole: some cells are copied twice
+        let first = (16 * group).min(taps.len() - 16);
+        let taps = taps[first..].first_chunk().expect("sixteen are left");
+        copy_group::<PIXEL>(plane, width, reach, taps, &mut cells[first * PIXEL..(first + 16) * PIXEL]);
+    }
+}
+
+/// Copies sixteen cells.
 #[inline]
 #[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512vbmi,avx512vnni")]
 fn copy_group<const PIXEL: usize>(
@@ -64,7 +65,7 @@ fn copy_group<const PIXEL: usize>(
     reach: Reach,
     taps: &[Tap; 16],
     cells: &mut [u8],
-) -> bool {
+) {
     let group = Group::load(taps);
     let positions = match PIXEL {
         1 => plane.positions::<1>(group.offsets),
@@ -75,54 +76,19 @@ fn copy_group<const PIXEL: usize>(
         16 => plane.positions::<16>(group.offsets),
         _ => plane.positions::<0>(group.offsets),
     };
-    if PIXEL <= 4 {
-        let (base, distances) = window::<PIXEL>(plane, taps, positions);
-        let in_reach = |bytes: i32| all_within(distances, bytes - 2 * PIXEL as i32);
-        // the first byte of the nearest of the two pixels in a row, and whether it is in the second row
-        let steps = group.fractions;
-        let right = _mm512_test_epi32_mask(steps, _mm512_set1_epi32(0x8000));
-        let index = _mm512_mask_add_epi32(distances, right, distances, _mm512_set1_epi32(PIXEL as i32));
-        let below = _mm512_cmplt_epi32_mask(steps, _mm512_setzero_si512());
-        let spread = _mm512_broadcast_i32x4(_mm_setr_epi8(0, 0, 0, 0, 4, 4, 4, 4, 8, 8, 8, 8, 12, 12, 12, 12));
-        let bytes = _mm512_set1_epi32(0x0302_0100);
-        let index = _mm512_add_epi8(_mm512_shuffle_epi8(index, spread), bytes);
-        let start = plane.start().wrapping_add(base);
-        // SAFETY: the caller of `load` checked `base` against `Plane::limit` of the bytes up to the end of `at`.
-        let load =
-            |row: isize, at: usize| unsafe { _mm512_loadu_si512(start.wrapping_add(at).wrapping_offset(row).cast()) };
-        let stride = plane.row_stride;
-        if in_reach(64) && base as isize <= reach.near {
-            // bit 6 of an index chooses the second table
-            let index = _mm512_mask_xor_epi32(index, below, index, _mm512_set1_epi8(64));
-            store_lanes::<PIXEL>(_mm512_permutex2var_epi8(load(0, 0), index, load(stride, 0)), cells);
-            return true;
-        }
-        if in_reach(128) && base as isize <= reach.wide {
-            let pick = |row| _mm512_permutex2var_epi8(load(row, 0), index, load(row, 64));
-            store_lanes::<PIXEL>(_mm512_mask_mov_epi32(pick(0), below, pick(stride)), cells);
-            return true;
-        }
-        if in_reach(256) && base as isize <= reach.widest {
-            let far = _mm512_movepi8_mask(index);
-            let pick = |row| {
-                let near = _mm512_permutex2var_epi8(load(row, 0), index, load(row, 64));
-                _mm512_mask_mov_epi8(near, far, _mm512_permutex2var_epi8(load(row, 128), index, load(row, 192)))
-            };
-            store_lanes::<PIXEL>(_mm512_mask_mov_epi32(pick(0), below, pick(stride)), cells);
-            return true;
-        }
-    }
-    if reach.gathered < 0 || !all_within(positions, reach.gathered as i32) {
-        return false;
+    if PIXEL <= 4 && copy_window::<PIXEL>(plane, reach, taps, &group, positions, cells) {
+        return;
     }
     assert_eq!(cells.len(), 16 * PIXEL);
     let at = cells.as_mut_ptr();
+    // near the end of the image, every pixel is copied like the last one of a group
+    let exact = reach.single < 0 || !all_within(positions, reach.single as i32);
     let step = |cell: usize| (taps[cell].step_x() as usize, taps[cell].step_y() as usize);
     if plane.strided.is_none() {
         for cell in 0..16 {
             let (x, y) = step(cell);
             let from = plane.start().wrapping_add((scalar_offset(taps, cell) + x + (width & y.wrapping_neg())) * PIXEL);
-            copy_pixel::<PIXEL>(from, at.wrapping_add(cell * PIXEL), cell == 15);
+            copy_pixel::<PIXEL>(from, at.wrapping_add(cell * PIXEL), exact || cell == 15);
         }
     } else {
         let mut lanes = [0u32; 16];
@@ -132,18 +98,63 @@ fn copy_group<const PIXEL: usize>(
             let (x, y) = step(cell);
             let from = plane.start().wrapping_add(lanes[cell] as usize + x * PIXEL);
             let from = from.wrapping_offset(plane.row_stride & (y as isize).wrapping_neg());
-            copy_pixel::<PIXEL>(from, at.wrapping_add(cell * PIXEL), cell == 15);
+            copy_pixel::<PIXEL>(from, at.wrapping_add(cell * PIXEL), exact || cell == 15);
         }
     }
+}
+
+/// Copies sixteen cells out of a window; false, and nothing written, where none of those that the image has room for
+/// holds them all.
+#[inline]
+#[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512vbmi,avx512vnni")]
+fn copy_window<const PIXEL: usize>(
+    plane: &Plane<'_>,
+    reach: Reach,
+    taps: &[Tap; 16],
+    group: &Group,
+    positions: __m512i,
+    cells: &mut [u8],
+) -> bool {
+    let (base, distances) = window::<PIXEL>(plane, taps, positions);
+    let in_reach = |bytes: i32| all_within(distances, bytes - 2 * PIXEL as i32);
+    // from there to the nearest pixel, which is one to the right, in the row below, or both
+    let right = _mm512_test_epi32_mask(group.fractions, _mm512_set1_epi32(0x8000));
+    let below = _mm512_cmplt_epi32_mask(group.fractions, _mm512_setzero_si512());
+    let nearest = _mm512_mask_add_epi32(distances, right, distances, _mm512_set1_epi32(PIXEL as i32));
+    let spread = _mm512_broadcast_i32x4(_mm_setr_epi8(0, 0, 0, 0, 4, 4, 4, 4, 8, 8, 8, 8, 12, 12, 12, 12));
+    let index = _mm512_add_epi8(_mm512_shuffle_epi8(nearest, spread), _mm512_set1_epi32(0x0302_0100));
+    let rows = [plane.start().wrapping_add(base), plane.start().wrapping_add(base).wrapping_offset(plane.row_stride)];
+    let load = |row: usize, vector: usize| {
+        // SAFETY: `base` is checked below against `Plane::limit` of the vectors that are loaded.
+        unsafe { _mm512_loadu_si512(rows[row].wrapping_add(64 * vector).cast()) }
+    };
+    let pixels = if in_reach(64) && base as isize <= reach.near {
+        // bit 6 of an index chooses the second table
+        let index = _mm512_mask_xor_epi32(index, below, index, _mm512_set1_epi8(64));
+        _mm512_permutex2var_epi8(load(0, 0), index, load(1, 0))
+    } else if in_reach(128) && base as isize <= reach.wide {
+        let pick = |row| _mm512_permutex2var_epi8(load(row, 0), index, load(row, 1));
+        _mm512_mask_mov_epi32(pick(0), below, pick(1))
+    } else if in_reach(256) && base as isize <= reach.widest {
+        let far = _mm512_movepi8_mask(index);
+        let pick = |row| {
+            let near = _mm512_permutex2var_epi8(load(row, 0), index, load(row, 1));
+            _mm512_mask_mov_epi8(near, far, _mm512_permutex2var_epi8(load(row, 2), index, load(row, 3)))
+        };
+        _mm512_mask_mov_epi32(pick(0), below, pick(1))
+    } else {
+        return false;
+    };
+    store_lanes::<PIXEL>(pixels, cells);
     true
 }
 
-/// Copies a pixel, with more bytes than it has unless it is the last.
+/// Copies a pixel, with more bytes than it has unless that would reach into what is not ours.
 #[inline]
 #[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512vbmi,avx512vnni")]
-fn copy_pixel<const PIXEL: usize>(from: *const u8, to: *mut u8, last: bool) {
-    // SAFETY: the caller checked positions against `Plane::limit` of `loaded(PIXEL)` bytes beyond both pixels of a row,
-    // and what is stored is in the group's cells: a pixel if it is the last, else less than two.
+fn copy_pixel<const PIXEL: usize>(from: *const u8, to: *mut u8, exact: bool) {
+    // SAFETY: the pixel exists, and so does its cell. Unless it is to be exact, the caller checked the position of the
+    // top-left pixel against `Plane::limit` of one pixel and `loaded(PIXEL)` bytes, and the cells go on behind this one.
     unsafe {
         match PIXEL {
             1 => *to = *from,
@@ -151,11 +162,11 @@ fn copy_pixel<const PIXEL: usize>(from: *const u8, to: *mut u8, last: bool) {
             4 => to.cast::<u32>().write_unaligned(from.cast::<u32>().read_unaligned()),
             8 => to.cast::<u64>().write_unaligned(from.cast::<u64>().read_unaligned()),
             16 => _mm_storeu_si128(to.cast(), _mm_loadu_si128(from.cast())),
-            3 | 6 | 12 if last => std::ptr::copy_nonoverlapping(from, to, PIXEL),
+            _ if exact => std::ptr::copy_nonoverlapping(from, to, PIXEL),
             3 => to.cast::<u32>().write_unaligned(from.cast::<u32>().read_unaligned()),
             6 => to.cast::<u64>().write_unaligned(from.cast::<u64>().read_unaligned()),
             12 => _mm_storeu_si128(to.cast(), _mm_loadu_si128(from.cast())),
-            _ => unreachable!(),
+            _ => unreachable!("no kernel for such pixels"),
         }
     }
 }
