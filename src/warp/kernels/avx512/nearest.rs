@@ -7,7 +7,7 @@
 
 use std::arch::x86_64::*;
 
-use super::{Group, all_within, scalar_offset, window};
+use super::{Group, all_within, scalar_nearest, window};
 use crate::image::{Sample, as_bytes_mut};
 use crate::lut::table::Tap;
 use crate::warp::kernels::plane::Plane;
@@ -83,11 +83,10 @@ fn copy_group<const PIXEL: usize>(
     let at = cells.as_mut_ptr();
     // near the end of the image, every pixel is copied like the last one of a group
     let exact = reach.single < 0 || !all_within(positions, reach.single as i32);
-    let step = |cell: usize| (taps[cell].step_x() as usize, taps[cell].step_y() as usize);
     if plane.strided.is_none() {
         for cell in 0..16 {
-            let (x, y) = step(cell);
-            let from = plane.start().wrapping_add((scalar_offset(taps, cell) + x + (width & y.wrapping_neg())) * PIXEL);
+            let (offset, x, y) = scalar_nearest(taps, cell);
+            let from = plane.start().wrapping_add((offset + x + (width & y)) * PIXEL);
             copy_pixel::<PIXEL>(from, at.wrapping_add(cell * PIXEL), exact || cell == 15);
         }
     } else {
@@ -95,9 +94,9 @@ fn copy_group<const PIXEL: usize>(
         // SAFETY: sixteen lanes are 64 bytes.
         unsafe { _mm512_storeu_si512(lanes.as_mut_ptr().cast(), positions) };
         for cell in 0..16 {
-            let (x, y) = step(cell);
+            let (_, x, y) = scalar_nearest(taps, cell);
             let from = plane.start().wrapping_add(lanes[cell] as usize + x * PIXEL);
-            let from = from.wrapping_offset(plane.row_stride & (y as isize).wrapping_neg());
+            let from = from.wrapping_offset(plane.row_stride & y as isize);
             copy_pixel::<PIXEL>(from, at.wrapping_add(cell * PIXEL), exact || cell == 15);
         }
     }
