@@ -35,6 +35,8 @@ pub(super) fn nearest<T: Sample>(isa: Isa, pixel_bytes: usize) -> Option<RowKern
         (Isa::Avx512, 12) => kernel!(super::avx512::nearest::<T, 12>),
         #[cfg(target_arch = "x86_64")]
         (Isa::Avx512, 16) => kernel!(super::avx512::nearest::<T, 16>),
+        #[cfg(target_arch = "x86_64")]
+        (Isa::Avx512, _) => kernel!(super::avx512::nearest_any::<T>),
         _ => None,
     }
 }
@@ -45,9 +47,13 @@ pub(super) fn bilinear_u8(isa: Isa, channels: usize) -> Option<RowKernel<u8>> {
         #[cfg(target_arch = "x86_64")]
         (Isa::Avx512, 1) => kernel!(super::avx512::bilinear_u8::<1>),
         #[cfg(target_arch = "x86_64")]
+        (Isa::Avx512, 2) => kernel!(super::avx512::bilinear_u8::<2>),
+        #[cfg(target_arch = "x86_64")]
         (Isa::Avx512, 3) => kernel!(super::avx512::bilinear_u8::<3>),
         #[cfg(target_arch = "x86_64")]
         (Isa::Avx512, 4) => kernel!(super::avx512::bilinear_u8::<4>),
+        #[cfg(target_arch = "x86_64")]
+        (Isa::Avx512, _) => kernel!(super::avx512::bilinear_u8_any),
         _ => None,
     }
 }

@@ -27,7 +27,7 @@ use crate::warp::kernels::{Source, scalar};
 /// Bytes that a gathering load touches beyond a position.
 const GATHERED: usize = 16;
 
-/// Cells whose four pixels exist, of an image of 1, 3 or 4 channels.
+/// Cells whose four pixels exist, of an image of 1 to 4 channels.
 ///
 /// # Safety
 /// The CPU has AVX-512 F, BW, VL, VBMI and VNNI.
@@ -59,6 +59,7 @@ fn blend_group<const CHANNELS: usize>(plane: &Plane<'_>, reach: Reach, taps: &[T
     let group = Group::load(taps);
     let positions = match CHANNELS {
         1 => plane.positions::<1>(group.offsets),
+        2 => plane.positions::<2>(group.offsets),
         3 => plane.positions::<3>(group.offsets),
         _ => plane.positions::<4>(group.offsets),
     };
@@ -76,6 +77,9 @@ fn blend_group<const CHANNELS: usize>(plane: &Plane<'_>, reach: Reach, taps: &[T
     } else if CHANNELS == 1 {
         let sums = weights.blend(gather_pairs(plane, taps, positions));
         store_planar::<CHANNELS>([sums, sums, sums, sums], cells);
+    } else if CHANNELS == 2 {
+        let [left, right] = gather_twos(plane, taps, positions).map(|pixels| weights.blend(pixels));
+        store_planar::<CHANNELS>([left, right, right, right], cells);
     } else {
         store_interleaved::<CHANNELS>(gather::<CHANNELS>(plane, taps, positions, &weights), cells);
     }
@@ -125,6 +129,14 @@ impl Weights {
         let high = _mm512_dpbusd_epi32(_mm512_setzero_si512(), self.high, pixels);
         let sum = _mm512_dpbusd_epi32(_mm512_add_epi32(_mm512_slli_epi32::<8>(high), bias), self.low, pixels);
         _mm512_srli_epi32::<15>(sum)
+    }
+
+    /// The weights of one cell in all lanes.
+    #[inline]
+    #[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512vbmi,avx512vnni")]
+    fn all(&self, cell: usize) -> Self {
+        let cell = _mm512_set1_epi32(cell as i32);
+        Self { high: _mm512_permutexvar_epi32(cell, self.high), low: _mm512_permutexvar_epi32(cell, self.low) }
     }
 
     /// The weights of cells `quarter`, 4 + quarter, 8 + quarter and 12 + quarter, each in all four lanes of a 128-bit
@@ -209,8 +221,14 @@ fn store_planar<const CHANNELS: usize>(blends: [__m512i; 4], cells: &mut [u8]) {
         unsafe { _mm_storeu_si128(cells.as_mut_ptr().cast(), _mm512_cvtepi32_epi8(blends[0])) };
         return;
     }
-    const OR: i32 = 0xfe;
     let [r, g, b, a] = blends;
+    if CHANNELS == 2 {
+        let pairs = _mm512_cvtepi32_epi16(_mm512_or_si512(r, _mm512_slli_epi32::<8>(g)));
+        // SAFETY: `cells` holds 32 bytes.
+        unsafe { _mm256_storeu_si256(cells.as_mut_ptr().cast(), pairs) };
+        return;
+    }
+    const OR: i32 = 0xfe;
     let rgb = _mm512_ternarylogic_epi32::<OR>(r, _mm512_slli_epi32::<8>(g), _mm512_slli_epi32::<16>(b));
     let cell = if CHANNELS == 4 { _mm512_or_si512(rgb, _mm512_slli_epi32::<24>(a)) } else { rgb };
     store_cells::<CHANNELS>(cell, cells);
@@ -317,4 +335,67 @@ fn gather_pairs(plane: &Plane<'_>, taps: &[Tap; 16], positions: __m512i) -> __m5
     // SAFETY: sixteen lanes are 64 bytes.
     let pixels = unsafe { _mm512_loadu_si512(pixels.as_ptr().cast()) };
     _mm512_xor_si512(pixels, _mm512_set1_epi8(-128))
+}
+
+/// The four pixels of sixteen cells of two channels, as [`gather_pairs`] gives them, a vector for each channel.
+#[inline]
+#[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512vbmi,avx512vnni")]
+fn gather_twos(plane: &Plane<'_>, taps: &[Tap; 16], positions: __m512i) -> [__m512i; 2] {
+    let at = scalar_positions::<2>(plane, taps, positions);
+    let row = |row: isize| {
+        let pixels = at.map(|position| {
+            let at = plane.start().wrapping_add(position).wrapping_offset(row);
+            // SAFETY: as in `load_cells`, of which these are the first four bytes of a row.
+            unsafe { at.cast::<u32>().read_unaligned() }
+        });
+        // SAFETY: sixteen lanes are 64 bytes.
+        unsafe { _mm512_loadu_si512(pixels.as_ptr().cast()) }
+    };
+    let (top, bottom) = (row(0), row(plane.row_stride));
+    // bytes 0 and 2 of a lane are the left and right pixel's first channel; 64 is the first byte of the second table
+    let lanes = _mm512_setr_epi32(0, 4, 8, 12, 16, 20, 24, 28, 32, 36, 40, 44, 48, 52, 56, 60);
+    let lanes = _mm512_mullo_epi32(lanes, _mm512_set1_epi32(0x0101_0101));
+    [0x4042_0200, 0x4143_0301].map(|order| {
+        let index = _mm512_add_epi32(lanes, _mm512_set1_epi32(order));
+        _mm512_xor_si512(_mm512_permutex2var_epi8(top, index, bottom), _mm512_set1_epi8(-128))
+    })
+}
+
+/// Cells whose four pixels exist, of an image of any channels: sixteen channels of one cell at a time.
+///
+/// # Safety
+/// The CPU has AVX-512 F, BW, VL, VBMI and VNNI.
+#[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512vbmi,avx512vnni")]
+pub(in crate::warp::kernels) fn bilinear_u8_any(source: &Source<'_, u8>, taps: &[Tap], cells: &mut [u8]) {
+    let channels = source.channels();
+    // byte i of the four pixels to lane i
+    let lanes = _mm512_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
+    let together = _mm512_mullo_epi32(lanes, _mm512_set1_epi32(0x0101_0101));
+    let together = _mm512_add_epi8(together, _mm512_set1_epi32(0x3020_1000));
+    for (taps, cells) in taps.chunks(16).zip(cells.chunks_mut(16 * channels)) {
+        let sixteen = std::array::from_fn(|cell| taps[cell.min(taps.len() - 1)]);
+        let weights = Weights::new(Group::load(&sixteen).fractions);
+        for (index, (tap, cell)) in taps.iter().zip(cells.chunks_exact_mut(channels)).enumerate() {
+            let weights = weights.all(index);
+            let [top, bottom] = source.tap_rows(tap);
+            let (left_top, right_top) = top.split_at(channels);
+            let (left_bottom, right_bottom) = bottom.split_at(channels);
+            for first in (0..channels).step_by(16) {
+                let mask = u16::MAX >> (16 - (channels - first).min(16));
+                let load = |pixel: &[u8]| {
+                    // SAFETY: nothing is loaded without its bit, and the pixel has so many channels from `first` on.
+                    unsafe { _mm_maskz_loadu_epi8(mask, pixel[first..].as_ptr().cast()) }
+                };
+                let pixels = _mm512_castsi128_si512(load(left_top));
+                let pixels = _mm512_inserti32x4::<1>(pixels, load(right_top));
+                let pixels = _mm512_inserti32x4::<2>(pixels, load(right_bottom));
+                let pixels = _mm512_inserti32x4::<3>(pixels, load(left_bottom));
+                let pixels = _mm512_permutexvar_epi8(together, pixels);
+                let blends = weights.blend(_mm512_xor_si512(pixels, _mm512_set1_epi8(-128)));
+                let cell = cell[first..].as_mut_ptr();
+                // SAFETY: nothing is stored without its bit.
+                unsafe { _mm_mask_storeu_epi8(cell.cast(), mask, _mm512_cvtepi32_epi8(blends)) };
+            }
+        }
+    }
 }

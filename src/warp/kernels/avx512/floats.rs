@@ -430,17 +430,8 @@ fn store_quads<T: Float, const CHANNELS: usize>(quads: [__m512; 4], cells: &mut 
 #[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512vbmi,avx512vnni")]
 pub(in crate::warp::kernels) fn bilinear_float_any<T: Float>(source: &Source<'_, T>, taps: &[Tap], cells: &mut [T]) {
     let channels = source.channels();
-    let (data, width) = (source.image.data(), source.image.width());
-    let contiguous = source.image.is_contiguous();
     for (tap, cell) in taps.iter().zip(cells.chunks_exact_mut(channels)) {
-        let offset = tap.offset as usize;
-        let (from, below) = if contiguous {
-            (offset * channels, (offset + width) * channels)
-        } else {
-            let (y, x) = (offset / width, offset % width);
-            (source.image.row_start(y) + x * channels, source.image.row_start(y + 1) + x * channels)
-        };
-        let (top, bottom) = (&data[from..from + 2 * channels], &data[below..below + 2 * channels]);
+        let [top, bottom] = source.tap_rows(tap);
         let fractions = Fractions::new(_mm512_set1_epi32((tap.fx() | tap.fy() << 16) as i32));
         let ((top, right_top), (bottom, right_bottom)) = (top.split_at(channels), bottom.split_at(channels));
         let pixels = [top, right_top, bottom, right_bottom];

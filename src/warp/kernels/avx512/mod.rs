@@ -4,13 +4,15 @@ mod bytes;
 mod floats;
 mod nearest;
 
-pub(super) use bytes::bilinear_u8;
+pub(super) use bytes::{bilinear_u8, bilinear_u8_any};
 pub(super) use floats::{bilinear_float, bilinear_float_any};
-pub(super) use nearest::nearest;
+pub(super) use nearest::{nearest, nearest_any};
 
 use std::arch::x86_64::*;
 
+use super::Source;
 use super::plane::Plane;
+use crate::image::Sample;
 use crate::lut::table::Tap;
 
 /// The taps of sixteen cells, offsets and fractions apart.
@@ -34,6 +36,21 @@ impl Group {
             offsets: _mm512_permutex2var_epi32(first, even, second),
             fractions: _mm512_permutex2var_epi32(first, odd, second),
         }
+    }
+}
+
+impl<'a, T: Sample> Source<'a, T> {
+    /// The left and right pixel of a tap whose four pixels exist, of the top row and of the bottom row.
+    #[inline(always)]
+    fn tap_rows(&self, tap: &Tap) -> [&'a [T]; 2] {
+        let (channels, width, offset) = (self.channels(), self.image.width(), tap.offset as usize);
+        let starts = if self.image.is_contiguous() {
+            [offset * channels, (offset + width) * channels]
+        } else {
+            let (y, x) = (offset / width, offset % width);
+            [self.image.row_start(y) + x * channels, self.image.row_start(y + 1) + x * channels]
+        };
+        starts.map(|start| &self.image.data()[start..start + 2 * channels])
     }
 }
 
