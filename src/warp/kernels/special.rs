@@ -35,8 +35,6 @@ pub(super) fn nearest<T: Sample>(isa: Isa, pixel_bytes: usize) -> Option<RowKern
         (Isa::Avx512, 12) => kernel!(super::avx512::nearest::<T, 12>),
         #[cfg(target_arch = "x86_64")]
         (Isa::Avx512, 16) => kernel!(super::avx512::nearest::<T, 16>),
-        #[cfg(target_arch = "x86_64")]
-        (Isa::Avx512, _) => kernel!(super::avx512::nearest_any::<T>),
         _ => None,
     }
 }

@@ -19,7 +19,7 @@
 
 use std::arch::x86_64::*;
 
-use super::{Group, all_within, opaque, scalar_positions, window};
+use super::{Group, Pixels, all_within, opaque, scalar_positions, window};
 use crate::lut::table::Tap;
 use crate::warp::kernels::plane::Plane;
 use crate::warp::kernels::{Source, scalar};
@@ -367,7 +367,8 @@ fn gather_twos(plane: &Plane<'_>, taps: &[Tap; 16], positions: __m512i) -> [__m5
 /// The CPU has AVX-512 F, BW, VL, VBMI and VNNI.
 #[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512vbmi,avx512vnni")]
 pub(in crate::warp::kernels) fn bilinear_u8_any(source: &Source<'_, u8>, taps: &[Tap], cells: &mut [u8]) {
-    let channels = source.channels();
+    let image = Pixels::new(source);
+    let channels = image.channels;
     // byte i of the four pixels to lane i
     let lanes = _mm512_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
     let together = _mm512_mullo_epi32(lanes, _mm512_set1_epi32(0x0101_0101));
@@ -377,9 +378,7 @@ pub(in crate::warp::kernels) fn bilinear_u8_any(source: &Source<'_, u8>, taps: &
         let weights = Weights::new(Group::load(&sixteen).fractions);
         for (index, (tap, cell)) in taps.iter().zip(cells.chunks_exact_mut(channels)).enumerate() {
             let weights = weights.all(index);
-            let [top, bottom] = source.tap_rows(tap);
-            let (left_top, right_top) = top.split_at(channels);
-            let (left_bottom, right_bottom) = bottom.split_at(channels);
+            let [left_top, right_top, left_bottom, right_bottom] = image.of(tap);
             for first in (0..channels).step_by(16) {
                 let mask = u16::MAX >> (16 - (channels - first).min(16));
                 let load = |pixel: &[u8]| {

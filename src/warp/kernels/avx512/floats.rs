@@ -12,7 +12,7 @@
 
 use std::arch::x86_64::*;
 
-use super::{Group, all_within, opaque, scalar_offset, scalar_positions, window};
+use super::{Group, Pixels, all_within, opaque, scalar_offset, scalar_positions, window};
 use crate::lut::table::{ONE, Tap};
 use crate::warp::kernels::plane::Plane;
 use crate::warp::kernels::{Bilinear, Source, scalar};
@@ -429,20 +429,17 @@ fn store_quads<T: Float, const CHANNELS: usize>(quads: [__m512; 4], cells: &mut 
 /// The CPU has AVX-512 F, BW, VL, VBMI and VNNI.
 #[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512vbmi,avx512vnni")]
 pub(in crate::warp::kernels) fn bilinear_float_any<T: Float>(source: &Source<'_, T>, taps: &[Tap], cells: &mut [T]) {
-    let channels = source.channels();
+    let image = Pixels::new(source);
+    let channels = image.channels;
     for (tap, cell) in taps.iter().zip(cells.chunks_exact_mut(channels)) {
-        let [top, bottom] = source.tap_rows(tap);
+        let pixels = image.of(tap);
         let fractions = Fractions::new(_mm512_set1_epi32((tap.fx() | tap.fy() << 16) as i32));
-        let ((top, right_top), (bottom, right_bottom)) = (top.split_at(channels), bottom.split_at(channels));
-        let pixels = [top, right_top, bottom, right_bottom];
-        let mut first = 0;
-        while first < channels {
+        for first in (0..channels).step_by(16) {
             let lanes = u16::MAX >> (16 - (channels - first).min(16));
             let [left_top, right_top, left_bottom, right_bottom] =
                 pixels.map(|pixel| load_lanes(&pixel[first..], lanes));
             let blends = fractions.blend(Taps { top: [left_top, right_top], bottom: [left_bottom, right_bottom] });
             store_lanes(blends, &mut cell[first..], lanes);
-            first += 16;
         }
     }
 }

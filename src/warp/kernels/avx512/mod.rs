@@ -6,13 +6,13 @@ mod nearest;
 
 pub(super) use bytes::{bilinear_u8, bilinear_u8_any};
 pub(super) use floats::{bilinear_float, bilinear_float_any};
-pub(super) use nearest::{nearest, nearest_any};
+pub(super) use nearest::nearest;
 
 use std::arch::x86_64::*;
 
 use super::Source;
 use super::plane::Plane;
-use crate::image::Sample;
+use crate::image::{ImageView, Sample};
 use crate::lut::table::Tap;
 
 /// The taps of sixteen cells, offsets and fractions apart.
@@ -39,18 +39,41 @@ impl Group {
     }
 }
 
-impl<'a, T: Sample> Source<'a, T> {
-    /// The left and right pixel of a tap whose four pixels exist, of the top row and of the bottom row.
+/// The pixels of an image of any channels, with what finding them takes at hand.
+#[derive(Clone, Copy)]
+struct Pixels<'a, T> {
+    image: &'a ImageView<'a, T>,
+    data: &'a [T],
+    channels: usize,
+    width: usize,
+    contiguous: bool,
+}
+
+impl<'a, T: Sample> Pixels<'a, T> {
+    fn new(source: &Source<'a, T>) -> Self {
+        let image = source.image;
+        let contiguous = image.is_contiguous();
+        Self { image, data: image.data(), channels: image.channels(), width: image.width(), contiguous }
+    }
+
+    /// So many pixels from the one at `y * width + x` on.
     #[inline(always)]
-    fn tap_rows(&self, tap: &Tap) -> [&'a [T]; 2] {
-        let (channels, width, offset) = (self.channels(), self.image.width(), tap.offset as usize);
-        let starts = if self.image.is_contiguous() {
-            [offset * channels, (offset + width) * channels]
+    fn get(&self, offset: usize, count: usize) -> &'a [T] {
+        let start = if self.contiguous {
+            offset * self.channels
         } else {
-            let (y, x) = (offset / width, offset % width);
-            [self.image.row_start(y) + x * channels, self.image.row_start(y + 1) + x * channels]
+            self.image.row_start(offset / self.width) + offset % self.width * self.channels
         };
-        starts.map(|start| &self.image.data()[start..start + 2 * channels])
+        &self.data[start..start + count * self.channels]
+    }
+
+    /// The four pixels of a tap: top left, top right, bottom left, bottom right.
+    #[inline(always)]
+    fn of(&self, tap: &Tap) -> [&'a [T]; 4] {
+        let offset = tap.offset as usize;
+        let (left_top, right_top) = self.get(offset, 2).split_at(self.channels);
+        let (left_bottom, right_bottom) = self.get(offset + self.width, 2).split_at(self.channels);
+        [left_top, right_top, left_bottom, right_bottom]
     }
 }
 

@@ -8,7 +8,7 @@
 use std::arch::x86_64::*;
 
 use super::{Group, all_within, scalar_nearest, window};
-use crate::image::{Sample, as_bytes, as_bytes_mut};
+use crate::image::{Sample, as_bytes_mut};
 use crate::lut::table::Tap;
 use crate::warp::kernels::plane::Plane;
 use crate::warp::kernels::{Source, scalar};
@@ -177,28 +177,6 @@ fn store_lanes<const PIXEL: usize>(lanes: __m512i, cells: &mut [u8]) {
             2 => _mm256_storeu_si256(at.cast(), _mm512_cvtepi32_epi16(lanes)),
             3 => super::bytes::store_cells::<3>(lanes, cells),
             _ => _mm512_storeu_si512(at.cast(), lanes),
-        }
-    }
-}
-
-/// Cells whose four pixels exist, of pixels of any size: 64 bytes at a time.
-///
-/// # Safety
-/// The CPU has AVX-512 F, BW, VL, VBMI and VNNI.
-#[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512vbmi,avx512vnni")]
-pub(in crate::warp::kernels) fn nearest_any<T: Sample>(source: &Source<'_, T>, taps: &[Tap], cells: &mut [T]) {
-    let channels = source.channels();
-    for (tap, cell) in taps.iter().zip(cells.chunks_exact_mut(channels)) {
-        let row = source.tap_rows(tap)[tap.step_y() as usize];
-        let pixel = as_bytes(&row[tap.step_x() as usize * channels..][..channels]);
-        let cell = as_bytes_mut(cell);
-        for first in (0..pixel.len()).step_by(64) {
-            let mask = u64::MAX >> (64 - (pixel.len() - first).min(64));
-            // SAFETY: nothing is loaded or stored without its bit, and pixel and cell have so many bytes from `first` on.
-            unsafe {
-                let bytes = _mm512_maskz_loadu_epi8(mask, pixel[first..].as_ptr().cast());
-                _mm512_mask_storeu_epi8(cell[first..].as_mut_ptr().cast(), mask, bytes);
-            }
         }
     }
 }
