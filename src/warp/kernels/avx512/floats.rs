@@ -11,7 +11,6 @@
 //! For other channel counts a vector holds sixteen channels of one cell.
 
 use std::arch::x86_64::*;
-const GROUPS_AHEAD: usize = 2;
 use super::{AHEAD, Group, Pixels, all_within, opaque, scalar_offset, scalar_positions, window};
 use crate::lut::table::{ONE, Tap};
 use crate::warp::kernels::plane::Plane;
