@@ -1,0 +1,185 @@
+//! No kernel reads or writes a byte outside the image and the output: both lie directly after or directly before a
+//! page that may not be touched, so that a single byte too many ends the process. AddressSanitizer does not see gathers
+//! out of bounds; this does, and it works for every instruction set and under emulation.
+
+#![cfg(unix)]
+
+mod common;
+#[path = "common/isas.rs"]
+mod isas;
+
+use std::mem::MaybeUninit;
+use std::ptr;
+use std::sync::atomic::{AtomicPtr, Ordering};
+
+use ipm_rs::{Bilinear, Isa};
+use isas::{Job, Number, Random, Rows, Walk, compared, noise};
+
+/// On which side the samples touch a page that may not be touched.
+#[derive(Debug, Clone, Copy)]
+enum Guard {
+    Before,
+    After,
+}
+
+const GUARDS: [(Guard, Guard); 4] = [
+    (Guard::After, Guard::After),
+    (Guard::After, Guard::Before),
+    (Guard::Before, Guard::After),
+    (Guard::Before, Guard::Before),
+];
+
+/// Pages between two that may not be touched.
+struct Fenced {
+    start: *mut libc::c_void,
+    page: usize,
+    pages: usize,
+}
+
+impl Fenced {
+    /// Room for so many bytes.
+    fn new(bytes: usize) -> Self {
+        // SAFETY: a question.
+        let page = unsafe { libc::sysconf(libc::_SC_PAGESIZE) } as usize;
+        let pages = bytes.div_ceil(page).max(1);
+        let (access, flags) = (libc::PROT_READ | libc::PROT_WRITE, libc::MAP_PRIVATE | libc::MAP_ANONYMOUS);
+        // SAFETY: a new mapping wherever there is room.
+        let start = unsafe { libc::mmap(ptr::null_mut(), (pages + 2) * page, libc::PROT_NONE, flags, -1, 0) };
+        assert_ne!(start, libc::MAP_FAILED);
+        let fenced = Self { start, page, pages };
+        // SAFETY: the pages between the first and the last of our own mapping.
+        let opened = unsafe { libc::mprotect(fenced.open().cast(), pages * page, access) };
+        assert_eq!(opened, 0);
+        fenced
+    }
+
+    /// The first byte that may be touched.
+    fn open(&self) -> *mut u8 {
+        self.start.cast::<u8>().wrapping_add(self.page)
+    }
+
+    /// So many samples, all zero bits, beside one of the fences.
+    fn samples<T: Number>(&mut self, samples: usize, guard: Guard) -> &mut [T] {
+        let (bytes, room) = (samples * size_of::<T>(), self.pages * self.page);
+        assert!(bytes <= room);
+        let from = match guard {
+            Guard::Before => 0,
+            Guard::After => room - bytes,
+        };
+        // SAFETY: they lie in our own pages, which this borrow keeps; `from` is a multiple of the samples' size, which is
+        // a power of two; any bits are a number.
+        unsafe {
+            let first = self.open().add(from);
+            first.write_bytes(0, bytes);
+            std::slice::from_raw_parts_mut(first.cast(), samples)
+        }
+    }
+}
+
+impl Drop for Fenced {
+    fn drop(&mut self) {
+        // SAFETY: our own mapping, and nobody borrows it any more.
+        unsafe { libc::munmap(self.start, (self.pages + 2) * self.page) };
+    }
+}
+
+/// What is being tried, for the last words of a process that touched a fence: a C string.
+static TRYING: AtomicPtr<libc::c_char> = AtomicPtr::new(ptr::null_mut());
+
+/// Says what was being tried, then lets the fault happen again without this handler.
+extern "C" fn last_words(signal: libc::c_int) {
+    let words = TRYING.load(Ordering::Relaxed);
+    if !words.is_null() {
+        // SAFETY: all four may be called in a signal handler, and the string outlives what it describes.
+        unsafe {
+            libc::write(2, words.cast(), libc::strlen(words));
+            libc::signal(signal, libc::SIG_DFL);
+        }
+    }
+}
+
+/// Installs the handler on both signals that a forbidden page can raise.
+fn announce_faults() {
+    for signal in [libc::SIGSEGV, libc::SIGBUS] {
+        // SAFETY: the handler has the type that these flags ask for, and all bits zero is a good `sigaction`.
+        unsafe {
+            let mut action: libc::sigaction = MaybeUninit::zeroed().assume_init();
+            action.sa_sigaction = last_words as extern "C" fn(libc::c_int) as libc::sighandler_t;
+            assert_eq!(libc::sigaction(signal, &action, ptr::null_mut()), 0);
+        }
+    }
+}
+
+/// The fenced pages of a source and of an output.
+struct Pages {
+    source: Fenced,
+    out: Fenced,
+}
+
+impl Pages {
+    /// Warps with every instruction set beside every fence, and compares with scalar.
+    fn try_all<T: Number>(&mut self, job: &Job<T>, size: (usize, usize), channels: usize, random: &mut Random) {
+        let border: Vec<T> = noise(channels, random);
+        for rows in Rows::ALL {
+            let data: Vec<T> = noise(rows.layout(size, channels).2, random);
+            for walk in Walk::ALL {
+                // tails of every length come by
+                let cells = 1 + (random.bits() >> 32) as usize % 70;
+                let lut = walk.lut(size, 1, cells, random);
+                let mut expected = vec![T::default(); cells * channels];
+                job.run(Isa::Scalar, &lut, &rows.view(&data, size, channels), &border, &mut expected);
+                for isa in compared().chain([Isa::Scalar]) {
+                    // every side of the source with every side of the output
+                    for (source_guard, out_guard) in GUARDS {
+                        let what = format!(
+                            "\nfault: {}, {:?} of {} x{channels}, {size:?}, {rows:?}, {walk:?}, {cells} cells, guard \
+                             {source_guard:?} the source and {out_guard:?} the output\n\0",
+                            isa.name(),
+                            job.interpolation,
+                            std::any::type_name::<T>(),
+                        );
+                        let source = self.source.samples::<T>(data.len(), source_guard);
+                        source.copy_from_slice(&data);
+                        let view = rows.view(source, size, channels);
+                        let out = self.out.samples::<T>(cells * channels, out_guard);
+                        TRYING.store(what.as_ptr().cast_mut().cast(), Ordering::Relaxed);
+                        job.run(isa, &lut, &view, &border, out);
+                        TRYING.store(ptr::null_mut(), Ordering::Relaxed);
+                        let same = out.iter().zip(&expected).all(|(&got, &expected)| got.same(expected));
+                        assert!(same, "differs from scalar where a fault would say{}", what.trim_end_matches('\0'));
+                    }
+                }
+            }
+        }
+    }
+
+    fn bilinear<T: Bilinear + Number>(&mut self, size: (usize, usize), channels: usize, random: &mut Random) {
+        self.try_all(&Job::<T>::bilinear(), size, channels, random);
+    }
+
+    fn nearest<T: Number>(&mut self, size: (usize, usize), channels: usize, random: &mut Random) {
+        self.try_all(&Job::<T>::nearest(), size, channels, random);
+    }
+}
+
+/// One test, because `TRYING` is one.
+#[test]
+fn no_byte_outside_the_image_or_the_output() {
+    announce_faults();
+    let mut random = Random::new(5);
+    let mut pages = Pages { source: Fenced::new(1 << 20), out: Fenced::new(1 << 16) };
+    // from images smaller than any vector to images wider than any window
+    for size in [(2, 2), (3, 3), (7, 2), (19, 4), (40, 3), (150, 2), (150, 9)] {
+        for channels in [1, 2, 3, 4, 5, 6, 16] {
+            pages.bilinear::<u8>(size, channels, &mut random);
+            pages.bilinear::<u16>(size, channels, &mut random);
+            pages.bilinear::<f32>(size, channels, &mut random);
+            pages.nearest::<u8>(size, channels, &mut random);
+        }
+        for channels in [1, 2, 3, 4] {
+            pages.nearest::<u16>(size, channels, &mut random);
+            pages.nearest::<u32>(size, channels, &mut random);
+            pages.nearest::<u64>(size, channels, &mut random);
+        }
+    }
+}
