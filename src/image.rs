@@ -31,7 +31,6 @@ pub(crate) fn as_bytes<T: Sample>(samples: &[T]) -> &[u8] {
 }
 
 /// The bytes of samples, writable.
-#[cfg(feature = "python")]
 pub(crate) fn as_bytes_mut<T: Sample>(samples: &mut [T]) -> &mut [u8] {
     // SAFETY: as in `as_bytes`; any bytes are samples.
     unsafe { std::slice::from_raw_parts_mut(samples.as_mut_ptr().cast(), size_of_val(samples)) }

@@ -254,8 +254,9 @@ impl<T: Number> Job<T> {
         let untouched = vec![border[0]; lut.rows() * (row + GAP) + GAP];
         let warp = |isa| {
             let mut canvas = untouched.clone();
-            let rows = canvas[GAP..].chunks_mut(row + GAP).map(|cells| &mut cells[..row]).collect();
-            let mut out = ImageViewMut::from_rows(rows, lut.columns(), channels).expect("rows fit");
+            let (size, stride) = ((lut.columns(), lut.rows()), (row + GAP) as isize);
+            let mut out =
+                ImageViewMut::with_row_stride(&mut canvas, size, channels, GAP, stride).expect("the rows fit");
             (self.warp)(lut, view, &mut out, &self.options(isa, border)).expect("the image fits the table");
             canvas
         };

@@ -87,9 +87,9 @@ fn copy_group<const PIXEL: usize>(plane: &Plane<'_>, width: usize, reach: Reach,
         let mut lanes = [0u32; 16];
         // SAFETY: sixteen lanes are 64 bytes.
         unsafe { _mm512_storeu_si512(lanes.as_mut_ptr().cast(), positions) };
-        for cell in 0..16 {
+        for (cell, position) in lanes.into_iter().enumerate() {
             let (_, x, y) = scalar_nearest(taps, cell);
-            let from = plane.start().wrapping_add(lanes[cell] as usize + x * PIXEL);
+            let from = plane.start().wrapping_add(position as usize + x * PIXEL);
             let from = from.wrapping_offset(plane.row_stride & y as isize);
             copy_pixel::<PIXEL>(from, at.wrapping_add(cell * PIXEL), exact || cell == 15);
         }
