@@ -149,15 +149,6 @@ fn scalar_offset(taps: &[Tap; 16], cell: usize) -> usize {
     unsafe { std::ptr::read_volatile(&taps[cell].offset) as usize }
 }
 
-/// The offset of one cell, its step along x (0 or 1) and that along y (no bits or all); volatile as [`scalar_offset`].
-#[inline(always)]
-fn scalar_nearest(taps: &[Tap; 16], cell: usize) -> (usize, usize, usize) {
-    let at = (&raw const taps[cell]).cast::<u32>();
-    // SAFETY: a reference is good to read: a tap is two numbers, the second with y in its high half.
-    let (offset, fractions) = unsafe { (std::ptr::read_volatile(at), std::ptr::read_volatile(at.add(1))) };
-    (offset as usize, (fractions >> 15 & 1) as usize, (fractions as i32 >> 31) as usize)
-}
-
 /// Whether every lane of `values`, read as unsigned, is at most `limit`.
 #[inline]
 #[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512vbmi,avx512vnni")]

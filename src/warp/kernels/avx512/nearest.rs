@@ -7,7 +7,7 @@
 
 use std::arch::x86_64::*;
 
-use super::{Group, all_within, scalar_nearest, window};
+use super::{Group, all_within, window};
 use crate::image::{Sample, as_bytes_mut};
 use crate::lut::table::Tap;
 use crate::warp::kernels::plane::Plane;
@@ -30,7 +30,7 @@ pub(in crate::warp::kernels) fn nearest<T: Sample, const PIXEL: usize>(
 ) {
     let plane = Plane::new(source).filter(|_| taps.len() >= 16);
     let Some(plane) = plane else { return scalar::nearest::<T, 0, false>(source, taps, cells) };
-    copy_run::<PIXEL>(&plane, source.image.width(), taps, as_bytes_mut(cells));
+    copy_run::<PIXEL>(&plane, taps, as_bytes_mut(cells));
 }
 
 /// The last byte positions from which the loads of each way stay inside the image, there and one row below.
@@ -44,7 +44,7 @@ struct Reach {
 
 /// Apart from [`nearest`], so that there is one of it for all dtypes and its constants stay in registers.
 #[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512vbmi,avx512vnni")]
-fn copy_run<const PIXEL: usize>(plane: &Plane<'_>, width: usize, taps: &[Tap], cells: &mut [u8]) {
+fn copy_run<const PIXEL: usize>(plane: &Plane<'_>, taps: &[Tap], cells: &mut [u8]) {
     debug_assert_eq!(plane.pixel as usize, PIXEL);
     let limit = |bytes| plane.limit(bytes) as isize;
     let reach = Reach { near: limit(64), wide: limit(128), widest: limit(256), single: limit(PIXEL + loaded(PIXEL)) };
@@ -52,14 +52,14 @@ fn copy_run<const PIXEL: usize>(plane: &Plane<'_>, width: usize, taps: &[Tap], c
         // the last group reaches back to be whole: some cells are copied twice
         let first = (16 * group).min(taps.len() - 16);
         let taps = taps[first..].first_chunk().expect("sixteen are left");
-        copy_group::<PIXEL>(plane, width, reach, taps, &mut cells[first * PIXEL..(first + 16) * PIXEL]);
+        copy_group::<PIXEL>(plane, reach, taps, &mut cells[first * PIXEL..(first + 16) * PIXEL]);
     }
 }
 
 /// Copies sixteen cells.
 #[inline]
 #[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512vbmi,avx512vnni")]
-fn copy_group<const PIXEL: usize>(plane: &Plane<'_>, width: usize, reach: Reach, taps: &[Tap; 16], cells: &mut [u8]) {
+fn copy_group<const PIXEL: usize>(plane: &Plane<'_>, reach: Reach, taps: &[Tap; 16], cells: &mut [u8]) {
     let group = Group::load(taps);
     let positions = match PIXEL {
         1 => plane.positions::<1>(group.offsets),
@@ -77,23 +77,34 @@ fn copy_group<const PIXEL: usize>(plane: &Plane<'_>, width: usize, reach: Reach,
     let at = cells.as_mut_ptr();
     // near the end of the image, every pixel is copied like the last one of a group
     let exact = reach.single < 0 || !all_within(positions, reach.single as i32);
-    if plane.strided.is_none() {
-        for cell in 0..16 {
-            let (offset, x, y) = scalar_nearest(taps, cell);
-            let from = plane.start().wrapping_add((offset + x + (width & y)) * PIXEL);
-            copy_pixel::<PIXEL>(from, at.wrapping_add(cell * PIXEL), exact || cell == 15);
-        }
-    } else {
-        let mut lanes = [0u32; 16];
-        // SAFETY: sixteen lanes are 64 bytes.
-        unsafe { _mm512_storeu_si512(lanes.as_mut_ptr().cast(), positions) };
-        for (cell, position) in lanes.into_iter().enumerate() {
-            let (_, x, y) = scalar_nearest(taps, cell);
-            let from = plane.start().wrapping_add(position as usize + x * PIXEL);
-            let from = from.wrapping_offset(plane.row_stride & y as isize);
-            copy_pixel::<PIXEL>(from, at.wrapping_add(cell * PIXEL), exact || cell == 15);
-        }
+    let nearest = step_right::<PIXEL>(&group, positions);
+    let stride = _mm512_set1_epi32(plane.row_stride as i32);
+    let nearest = _mm512_mask_add_epi32(nearest, below(&group), nearest, stride);
+    // working the positions out one by one with scalar code took 10 to 20 % longer
+    let mut lanes = [0u32; 16];
+    // SAFETY: sixteen lanes are 64 bytes.
+    unsafe { _mm512_storeu_si512(lanes.as_mut_ptr().cast(), nearest) };
+    for (cell, lane) in lanes.iter().enumerate() {
+        // SAFETY: a reference is good to read. Volatile, or the compiler takes the lane out of the vector.
+        let position = unsafe { std::ptr::read_volatile(lane) } as usize;
+        let from = plane.start().wrapping_add(position);
+        copy_pixel::<PIXEL>(from, at.wrapping_add(cell * PIXEL), exact || cell == 15);
     }
+}
+
+/// Positions one pixel further where the nearest is the right one.
+#[inline]
+#[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512vbmi,avx512vnni")]
+fn step_right<const PIXEL: usize>(group: &Group, positions: __m512i) -> __m512i {
+    let right = _mm512_test_epi32_mask(group.fractions, _mm512_set1_epi32(0x8000));
+    _mm512_mask_add_epi32(positions, right, positions, _mm512_set1_epi32(PIXEL as i32))
+}
+
+/// The cells whose nearest pixel is in the row below.
+#[inline]
+#[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512vbmi,avx512vnni")]
+fn below(group: &Group) -> __mmask16 {
+    _mm512_cmplt_epi32_mask(group.fractions, _mm512_setzero_si512())
 }
 
 /// Copies sixteen cells out of a window; false, and nothing written, where none of those that the image has room for
@@ -110,10 +121,8 @@ fn copy_window<const PIXEL: usize>(
 ) -> bool {
     let (base, distances) = window::<PIXEL>(plane, taps, positions);
     let in_reach = |bytes: i32| all_within(distances, bytes - 2 * PIXEL as i32);
-    // from there to the nearest pixel, which is one to the right, in the row below, or both
-    let right = _mm512_test_epi32_mask(group.fractions, _mm512_set1_epi32(0x8000));
-    let below = _mm512_cmplt_epi32_mask(group.fractions, _mm512_setzero_si512());
-    let nearest = _mm512_mask_add_epi32(distances, right, distances, _mm512_set1_epi32(PIXEL as i32));
+    let nearest = step_right::<PIXEL>(group, distances);
+    let below = below(group);
     let spread = _mm512_broadcast_i32x4(_mm_setr_epi8(0, 0, 0, 0, 4, 4, 4, 4, 8, 8, 8, 8, 12, 12, 12, 12));
     let index = _mm512_add_epi8(_mm512_shuffle_epi8(nearest, spread), _mm512_set1_epi32(0x0302_0100));
     let rows = [plane.start().wrapping_add(base), plane.start().wrapping_add(base).wrapping_offset(plane.row_stride)];
@@ -121,7 +130,8 @@ fn copy_window<const PIXEL: usize>(
         // SAFETY: `base` is checked below against `Plane::limit` of the vectors that are loaded.
         unsafe { _mm512_loadu_si512(rows[row].wrapping_add(64 * vector).cast()) }
     };
-    let pixels = if in_reach(64) && base as isize <= reach.near {
+    // sixteen cells of larger pixels rarely fit 64 bytes: the check costs more than the loads it saves
+    let pixels = if PIXEL <= 2 && in_reach(64) && base as isize <= reach.near {
         // bit 6 of an index chooses the second table
         let index = _mm512_mask_xor_epi32(index, below, index, _mm512_set1_epi8(64));
         _mm512_permutex2var_epi8(load(0, 0), index, load(1, 0))
