@@ -169,7 +169,8 @@ fn opaque(mut vector: __m512i) -> __m512i {
 /// The sixteen byte positions as numbers.
 ///
 /// Where rows are back to back they are worked out anew from the taps: reading the lanes of a vector that was just
-/// stored waits for the store (1.3 ns a cell became XXX), and extracting them takes two shuffles each.
+/// stored waits for the store (8 bits, 3 channels, three pixels from cell to cell: 1.02 ns instead of 0.80), and
+/// extracting them takes two shuffles each.
 #[inline]
 #[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512vbmi,avx512vnni")]
 fn scalar_positions<const CHANNELS: usize>(plane: &Plane<'_>, taps: &[Tap; 16], positions: __m512i) -> [usize; 16] {
