@@ -10,11 +10,12 @@
 //!
 //! For other channel counts a vector holds sixteen channels of one cell.
 
+use std::arch::x86_64::*;
+
 use super::{AHEAD, Group, Pixels, all_within, opaque, scalar_offset, scalar_positions, window};
 use crate::lut::table::{ONE, Tap};
 use crate::warp::kernels::plane::Plane;
 use crate::warp::kernels::{Bilinear, Source, scalar};
-use std::arch::x86_64::*;
 
 /// Samples that are blended in float32.
 pub(in crate::warp::kernels) trait Float: Bilinear {}
