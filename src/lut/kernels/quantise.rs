@@ -157,6 +157,7 @@ impl Arithmetic for Plain {
 }
 
 /// With one.
+#[cfg_attr(not(target_arch = "x86_64"), allow(dead_code, reason = "of AVX2"))]
 struct Rounding;
 
 impl Arithmetic for Rounding {
@@ -177,6 +178,7 @@ impl Arithmetic for Rounding {
 }
 
 /// With one, and one that multiplies and adds.
+#[cfg_attr(not(target_arch = "x86_64"), allow(dead_code, reason = "of AVX-512"))]
 struct Fused;
 
 impl Arithmetic for Fused {
