@@ -1,0 +1,327 @@
+//! Kernels for CPUs with AVX2 (Haswell, Zen and later): eight cells at a time.
+//!
+//! A vector is two halves of 128 bits, and shuffles stay inside a half. Cells are therefore dealt out so that nothing
+//! has to cross: the low half works on cells 0 to 3, the high half on cells 4 to 7.
+
+mod bytes;
+mod floats;
+mod nearest;
+
+pub(super) use bytes::{bilinear_u8, bilinear_u8_any};
+pub(super) use floats::{bilinear_f32, bilinear_f32_any, bilinear_u16, bilinear_u16_any};
+pub(super) use nearest::nearest;
+
+use std::arch::x86_64::*;
+
+use super::plane::Plane;
+use crate::lut::table::Tap;
+
+/// Cells of a group.
+const CELLS: usize = 8;
+
+/// Calls `blend` with the groups of a run of at least eight cells: their taps and their samples. The last group
+/// reaches back to be whole, so some cells are blended twice.
+#[inline]
+#[target_feature(enable = "avx2")]
+fn for_each_group<T>(taps: &[Tap], cells: &mut [T], channels: usize, mut blend: impl FnMut(&[Tap; CELLS], &mut [T])) {
+    for group in 0..taps.len().div_ceil(CELLS) {
+        let first = (CELLS * group).min(taps.len() - CELLS);
+        let taps = taps[first..].first_chunk().expect("eight are left");
+        blend(taps, &mut cells[first * channels..(first + CELLS) * channels]);
+    }
+}
+
+/// Calls `eight` and `four` with first channels so that all channels (at least four) are met. Where the last ones are
+/// fewer, the call reaches back to be whole.
+#[inline]
+#[target_feature(enable = "avx2")]
+fn for_each_chunk(channels: usize, mut eight: impl FnMut(usize), mut four: impl FnMut(usize)) {
+    let whole = channels - channels % 8;
+    for first in (0..whole).step_by(8) {
+        eight(first);
+    }
+    match channels - whole {
+        0 => {}
+        1..=4 => four(channels - 4),
+        _ if whole > 0 => eight(channels - 8),
+        _ => {
+            four(0);
+            four(channels - 4);
+        }
+    }
+}
+
+/// The taps of eight cells, offsets and fractions apart.
+struct Group {
+    /// Offset of each top-left pixel.
+    offsets: __m256i,
+    /// x in the low and y in the high half of each lane, steps included.
+    fractions: __m256i,
+}
+
+impl Group {
+    #[inline]
+    #[target_feature(enable = "avx2")]
+    fn load(taps: &[Tap; CELLS]) -> Self {
+        let at = taps.as_ptr().cast::<__m128i>();
+        // SAFETY: eight taps of 8 bytes are four vectors of 16; the loads need no alignment.
+        let (even, odd) = unsafe { (load_halves(at, at.add(2)), load_halves(at.add(1), at.add(3))) };
+        let (even, odd) = (_mm256_castsi256_ps(even), _mm256_castsi256_ps(odd));
+        Self {
+            offsets: _mm256_castps_si256(_mm256_shuffle_ps::<0b10_00_10_00>(even, odd)),
+            fractions: _mm256_castps_si256(_mm256_shuffle_ps::<0b11_01_11_01>(even, odd)),
+        }
+    }
+
+    /// Offset of each nearest pixel.
+    #[inline]
+    #[target_feature(enable = "avx2")]
+    fn nearest(&self, width: __m256i) -> __m256i {
+        let step_x = _mm256_srli_epi32::<31>(_mm256_slli_epi32::<16>(self.fractions));
+        let step_y = _mm256_and_si256(_mm256_srai_epi32::<31>(self.fractions), width);
+        _mm256_add_epi32(self.offsets, _mm256_add_epi32(step_x, step_y))
+    }
+
+    /// The fractions along x and along y as float32, exact.
+    #[inline]
+    #[target_feature(enable = "avx2")]
+    fn weights(&self) -> (__m256, __m256) {
+        let unit = _mm256_set1_ps(1.0 / 32768.0);
+        let q15 = _mm256_and_si256(self.fractions, _mm256_set1_epi16(0x7fff));
+        let x = _mm256_and_si256(q15, _mm256_set1_epi32(0xffff));
+        let y = _mm256_srli_epi32::<16>(q15);
+        (_mm256_mul_ps(_mm256_cvtepi32_ps(x), unit), _mm256_mul_ps(_mm256_cvtepi32_ps(y), unit))
+    }
+}
+
+/// Byte position of each pixel.
+#[inline]
+#[target_feature(enable = "avx2")]
+fn positions<const PIXEL: usize>(plane: &Plane<'_>, offsets: __m256i) -> __m256i {
+    let contiguous = match PIXEL {
+        1 => offsets,
+        2 => _mm256_slli_epi32::<1>(offsets),
+        3 => _mm256_add_epi32(_mm256_slli_epi32::<1>(offsets), offsets),
+        4 => _mm256_slli_epi32::<2>(offsets),
+        6 => {
+            let twice = _mm256_slli_epi32::<1>(offsets);
+            _mm256_add_epi32(_mm256_slli_epi32::<1>(twice), twice)
+        }
+        8 => _mm256_slli_epi32::<3>(offsets),
+        12 => {
+            let four = _mm256_slli_epi32::<2>(offsets);
+            _mm256_add_epi32(_mm256_slli_epi32::<1>(four), four)
+        }
+        16 => _mm256_slli_epi32::<4>(offsets),
+        _ => _mm256_mullo_epi32(offsets, _mm256_set1_epi32(plane.pixel as i32)),
+    };
+    let Some(strided) = plane.strided else { return contiguous };
+    let row = |four: __m128i| {
+        // there is no conversion of unsigned numbers: put into the mantissa of 2^52 they are 2^52 + offset
+        const TWO_52: i64 = 0x4330_0000_0000_0000;
+        let shifted = _mm256_or_si256(_mm256_cvtepu32_epi64(four), _mm256_set1_epi64x(TWO_52));
+        let half_less = _mm256_set1_pd(4_503_599_627_370_495.5); // 2^52 - 0.5
+        let middle = _mm256_sub_pd(_mm256_castsi256_pd(shifted), half_less);
+        _mm256_cvttpd_epi32(_mm256_mul_pd(middle, _mm256_set1_pd(strided.inverse_width)))
+    };
+    let rows = _mm256_set_m128i(row(_mm256_extracti128_si256::<1>(offsets)), row(_mm256_castsi256_si128(offsets)));
+    let extra = _mm256_mullo_epi32(rows, _mm256_set1_epi32(strided.row_extra));
+    _mm256_add_epi32(_mm256_add_epi32(contiguous, extra), _mm256_set1_epi32(strided.origin))
+}
+
+/// The byte positions of `cells` of a group as numbers, where `positions` are those of all eight.
+///
+/// Where rows are back to back they are worked out anew from the taps, which are known sooner than the lanes of a
+/// vector.
+#[inline]
+#[target_feature(enable = "avx2")]
+fn scalars<const PIXEL: usize, const COUNT: usize>(
+    plane: &Plane<'_>,
+    taps: &[Tap; CELLS],
+    positions: __m256i,
+    cells: [usize; COUNT],
+) -> [usize; COUNT] {
+    // loops, not `map`: what is called from code without AVX2 is not inlined there
+    let mut numbers = [0; COUNT];
+    if plane.strided.is_none() {
+        let pixel = if PIXEL == 0 { plane.pixel as usize } else { PIXEL };
+        for (number, cell) in numbers.iter_mut().zip(cells) {
+            *number = scalar_offset(taps, cell) * pixel;
+        }
+    } else {
+        let lanes = lanes(positions);
+        for (number, cell) in numbers.iter_mut().zip(cells) {
+            *number = lanes[cell] as usize;
+        }
+    }
+    numbers
+}
+
+/// Where a position's pixel begins, and the one a row below.
+#[inline(always)]
+fn rows_at(plane: &Plane<'_>, position: usize) -> (*const u8, *const u8) {
+    let top = plane.start().wrapping_add(position);
+    (top, top.wrapping_offset(plane.row_stride))
+}
+
+const ALL: [usize; CELLS] = [0, 1, 2, 3, 4, 5, 6, 7];
+
+/// The offset of one cell, loaded by itself: volatile, or the compiler takes it out of a vector with two shuffles.
+#[inline(always)]
+fn scalar_offset(taps: &[Tap; CELLS], cell: usize) -> usize {
+    // SAFETY: a reference is good to read.
+    unsafe { std::ptr::read_volatile(&taps[cell].offset) as usize }
+}
+
+/// The lanes as an array.
+#[inline]
+#[target_feature(enable = "avx2")]
+fn lanes(vector: __m256i) -> [u32; CELLS] {
+    let mut lanes = [0; CELLS];
+    // SAFETY: eight lanes are 32 bytes.
+    unsafe { _mm256_storeu_si256(lanes.as_mut_ptr().cast(), vector) };
+    lanes
+}
+
+/// Two halves of a vector from two places.
+///
+/// # Safety
+/// 16 bytes can be read at both.
+#[inline]
+#[target_feature(enable = "avx2")]
+unsafe fn load_halves(low: *const __m128i, high: *const __m128i) -> __m256i {
+    // SAFETY: the caller's promise; the loads need no alignment.
+    let (low, high) = unsafe { (_mm_loadu_si128(low), _mm_loadu_si128(high)) };
+    _mm256_inserti128_si256::<1>(_mm256_castsi128_si256(low), high)
+}
+
+/// The same vector, of which the compiler must believe that every byte matters: it otherwise narrows the loads to the
+/// bytes that are used and puts them together with two to three times the instructions.
+#[inline]
+#[target_feature(enable = "avx2")]
+fn opaque(mut vector: __m256i) -> __m256i {
+    // SAFETY: no instruction at all.
+    unsafe { std::arch::asm!("/* {0} */", inout(ymm_reg) vector, options(pure, nomem, nostack, preserves_flags)) };
+    vector
+}
+
+/// Whether every lane of `values`, read as unsigned, is at most `limit`, which must not be negative.
+#[inline]
+#[target_feature(enable = "avx2")]
+fn all_within(values: __m256i, limit: i32) -> bool {
+    let limit = _mm256_set1_epi32(limit);
+    let over = _mm256_xor_si256(_mm256_max_epu32(values, limit), limit);
+    _mm256_testz_si256(over, over) != 0
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::warp::Bilinear;
+    use crate::{ImageView, Interpolation, Isa, Lut, WarpOptions};
+
+    /// Numbers, the same every time.
+    struct Random(u64);
+
+    impl Random {
+        fn next(&mut self) -> u64 {
+            self.0 ^= self.0 << 13;
+            self.0 ^= self.0 >> 7;
+            self.0 ^= self.0 << 17;
+            self.0 >> 11
+        }
+
+        fn below(&mut self, limit: usize) -> usize {
+            (self.next() % limit as u64) as usize
+        }
+
+        fn unit(&mut self) -> f64 {
+            (self.next() & 0xfff_ffff) as f64 / f64::from(1 << 28)
+        }
+    }
+
+    /// Rows of cells that run along lines with steps of many lengths, both ways, or that jump about; the first begin and
+    /// end at the corners of the image.
+    fn maps(random: &mut Random, (width, height): (usize, usize), columns: usize) -> (Vec<f64>, Vec<f64>) {
+        let last = [(width - 1) as f64, (height - 1) as f64];
+        let corners = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.999_9, 0.999_9]];
+        let (mut map_x, mut map_y) = (Vec::new(), Vec::new());
+        for row in 0..40 {
+            let from = *corners.get(row / 4).unwrap_or(&[random.unit(), random.unit()]);
+            let to = *corners.get(row % 4).unwrap_or(&[random.unit(), random.unit()]);
+            let step = [1.0 / columns as f64, 0.004, 0.02, 0.05][random.below(4)];
+            for column in 0..columns {
+                let mut at = [0, 1].map(|axis| {
+                    let at = from[axis] + (to[axis] - from[axis]) * step * column as f64;
+                    at.clamp(0.0, 0.999_9) * last[axis]
+                });
+                if row > 36 {
+                    at = [random.unit() * last[0], random.unit() * last[1]];
+                }
+                if random.below(4) == 0 {
+                    at = at.map(|at| (at * 2.0).floor() / 2.0); // ties, and weights of 32768
+                }
+                map_x.push(at[0]);
+                map_y.push(at[1]);
+            }
+        }
+        (map_x, map_y)
+    }
+
+    /// Warps images of so many channels, of several sizes and row strides, with both instruction sets.
+    fn compare<T: Bilinear + PartialEq + std::fmt::Debug>(channels: usize, sample: impl Fn(u64) -> T) {
+        if !Isa::available().contains(&Isa::Avx2) {
+            return;
+        }
+        let mut random = Random(0x9e37_79b9_7f4a_7c15 + channels as u64);
+        for columns in (1..=40).chain([64, 71, 129, 200]) {
+            let (width, height) = [(2, 2), (5, 3), (40, 9), (300, 11)][random.below(4)];
+            let row = width * channels;
+            let gap = random.below(3);
+            let data: Vec<T> = (0..height * (row + gap) + 7).map(|_| sample(random.next())).collect();
+            let (map_x, map_y) = maps(&mut random, (width, height), columns);
+            let lut = Lut::from_maps(&map_x, &map_y, columns, (width as u32, height as u32)).unwrap();
+            let (size, stride) = ((width, height), (row + gap) as isize);
+            let span = (height - 1) * (row + gap) + row;
+            let images = [
+                ImageView::new(&data[..height * row], size, channels),
+                ImageView::with_row_stride(&data[..span], size, channels, 0, stride),
+                ImageView::with_row_stride(&data[..span], size, channels, span - row, -stride),
+                ImageView::with_row_stride(&data, size, channels, 3, stride),
+                ImageView::with_row_stride(&data[..row], size, channels, 0, 0),
+            ];
+            for image in images.map(Result::unwrap) {
+                for interpolation in [Interpolation::Nearest, Interpolation::Bilinear] {
+                    let warp = |isa| {
+                        let options =
+                            WarpOptions { interpolation, isa: Some(isa), threads: Some(1), ..Default::default() };
+                        lut.warp(&image, &options).unwrap()
+                    };
+                    let (expected, got) = (warp(Isa::Scalar), warp(Isa::Avx2));
+                    let differs = expected.iter().zip(&got).position(|(expected, got)| expected != got);
+                    assert_eq!(differs, None, "{interpolation:?} {width}x{height}x{channels}, {columns} columns");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn bytes_equal_scalar() {
+        for channels in [1, 2, 3, 4, 5, 6, 7, 8, 9, 12, 13, 16, 19, 40] {
+            compare(channels, |bits| if bits & 1 == 0 { (bits >> 8) as u8 } else { 255 * ((bits >> 1) & 1) as u8 });
+        }
+    }
+
+    #[test]
+    fn sixteen_bits_equal_scalar() {
+        for channels in [1, 2, 3, 4, 5, 6, 7, 8, 9, 12, 13, 16, 19] {
+            compare(channels, |bits| if bits & 1 == 0 { (bits >> 8) as u16 } else { 65535 * ((bits >> 1) & 1) as u16 });
+        }
+    }
+
+    #[test]
+    fn floats_equal_scalar() {
+        for channels in [1, 2, 3, 4, 5, 6, 7, 8, 9, 12, 13, 16, 19] {
+            compare(channels, |bits| (bits & 0xff_ffff) as f32 / 1e4 - 800.0);
+        }
+    }
+}
