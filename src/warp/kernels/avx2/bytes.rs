@@ -14,8 +14,8 @@
 use std::arch::x86_64::*;
 
 use super::{
-    ALL, CELLS, Group, all_within, for_each_chunk, for_each_group, lanes, load_halves, opaque, positions, rows_at,
-    scalars,
+    ALL, CELLS, Group, all_within, for_each_chunk, for_each_group, half_windows, lanes, load_halves, opaque, positions,
+    rows_at, scalars,
 };
 use crate::lut::table::Tap;
 use crate::warp::kernels::plane::Plane;
@@ -36,18 +36,33 @@ pub(in crate::warp::kernels) fn bilinear_u8<const CHANNELS: usize>(
 ) {
     let plane = Plane::new(source).filter(|plane| taps.len() >= CELLS && plane.limit(LOADED) >= 0);
     let Some(plane) = plane else { return scalar::bilinear::<u8, CHANNELS, false>(source, taps, cells) };
+    if plane.strided.is_none() {
+        blend_run::<CHANNELS, false>(source, &plane, taps, cells);
+    } else {
+        blend_run::<CHANNELS, true>(source, &plane, taps, cells);
+    }
+}
+
+#[inline]
+#[target_feature(enable = "avx2")]
+fn blend_run<const CHANNELS: usize, const STRIDED: bool>(
+    source: &Source<'_, u8>,
+    plane: &Plane<'_>,
+    taps: &[Tap],
+    cells: &mut [u8],
+) {
     let limit = plane.limit(LOADED);
     for_each_group(taps, cells, CHANNELS, |taps, cells| {
         let group = Group::load(taps);
-        let positions = positions::<CHANNELS>(&plane, group.offsets);
+        let positions = positions::<CHANNELS, STRIDED>(plane, group.offsets);
         if !all_within(positions, limit) {
             return scalar::bilinear::<u8, CHANNELS, false>(source, taps, cells);
         }
         let weights = Weights::new(group.fractions);
         if CHANNELS == 1 {
-            blend_gray(&plane, taps, positions, &weights, cells);
+            blend_gray::<STRIDED>(plane, taps, positions, &weights, cells);
         } else {
-            blend_colour::<CHANNELS>(&plane, taps, positions, &weights, cells);
+            blend_colour::<CHANNELS, STRIDED>(plane, taps, positions, &weights, cells);
         }
     });
 }
@@ -109,7 +124,7 @@ fn round_pairs(a: __m256i, b: __m256i) -> __m256i {
 /// Eight cells of 3 or 4 channels, four lanes to a cell.
 #[inline]
 #[target_feature(enable = "avx2")]
-fn blend_colour<const CHANNELS: usize>(
+fn blend_colour<const CHANNELS: usize, const STRIDED: bool>(
     plane: &Plane<'_>,
     taps: &[Tap; CELLS],
     positions: __m256i,
@@ -117,7 +132,7 @@ fn blend_colour<const CHANNELS: usize>(
     cells: &mut [u8],
 ) {
     assert_eq!(cells.len(), CELLS * CHANNELS);
-    let at = scalars::<CHANNELS, CELLS>(plane, taps, positions, ALL);
+    let at = scalars::<CHANNELS, STRIDED, CELLS>(plane, taps, positions, ALL);
     // right and left pixel of each channel as 16-bit numbers; -1 is zero
     #[rustfmt::skip]
     let spread = if CHANNELS == 3 {
@@ -160,13 +175,16 @@ fn blend_colour<const CHANNELS: usize>(
 /// Eight cells of one channel, a lane to a cell.
 #[inline]
 #[target_feature(enable = "avx2")]
-fn blend_gray(plane: &Plane<'_>, taps: &[Tap; CELLS], positions: __m256i, weights: &Weights, cells: &mut [u8]) {
-    // cells run along a row, so the lowest of a half is its first or, where the view is mirrored, its last
-    let first = _mm256_shuffle_epi32::<0b00_00_00_00>(positions);
-    let last = _mm256_shuffle_epi32::<0b11_11_11_11>(positions);
-    let distances = _mm256_sub_epi32(positions, _mm256_min_epu32(first, last));
+fn blend_gray<const STRIDED: bool>(
+    plane: &Plane<'_>,
+    taps: &[Tap; CELLS],
+    positions: __m256i,
+    weights: &Weights,
+    cells: &mut [u8],
+) {
+    let (_, distances) = half_windows(positions);
     let sums = if all_within(distances, 14) {
-        let ends = scalars::<1, 4>(plane, taps, positions, [0, 3, 4, 7]);
+        let ends = scalars::<1, STRIDED, 4>(plane, taps, positions, [0, 3, 4, 7]);
         let (low, high) = (rows_at(plane, ends[0].min(ends[1])), rows_at(plane, ends[2].min(ends[3])));
         // SAFETY: both are positions of taps, which the caller checked against `Plane::limit(LOADED)`: 16 bytes exist
         // from there on, in this row and one row below.
@@ -177,7 +195,7 @@ fn blend_gray(plane: &Plane<'_>, taps: &[Tap; CELLS], positions: __m256i, weight
         let pick = _mm256_add_epi32(both, _mm256_set1_epi32(0x8000_8001_u32 as i32));
         weights.sums(_mm256_shuffle_epi8(top, pick), _mm256_shuffle_epi8(bottom, pick))
     } else {
-        gather_pairs(plane, scalars::<1, CELLS>(plane, taps, positions, ALL), weights)
+        gather_pairs(plane, scalars::<1, STRIDED, CELLS>(plane, taps, positions, ALL), weights)
     };
     let rounded = _mm256_srli_epi32::<15>(_mm256_add_epi32(sums, _mm256_set1_epi32(1 << 14)));
     store_gray(rounded, cells);
@@ -229,7 +247,7 @@ pub(in crate::warp::kernels) fn bilinear_u8_any(source: &Source<'_, u8>, taps: &
     let Some(plane) = plane else { return scalar::bilinear::<u8, 0, false>(source, taps, cells) };
     for_each_group(taps, cells, channels, |taps, cells| {
         let group = Group::load(taps);
-        let at = scalars::<0, CELLS>(&plane, taps, positions::<0>(&plane, group.offsets), ALL);
+        let at = scalars::<0, true, CELLS>(&plane, taps, positions::<0, true>(&plane, group.offsets), ALL);
         let weights = Weights::new(group.fractions);
         let (top_weights, bottom_weights) = (lanes(weights.top), lanes(weights.bottom));
         for (cell, out) in cells.chunks_exact_mut(channels).enumerate() {

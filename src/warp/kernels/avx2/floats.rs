@@ -8,7 +8,8 @@
 use std::arch::x86_64::*;
 
 use super::{
-    ALL, CELLS, Group, all_within, for_each_chunk, for_each_group, load_halves, opaque, positions, rows_at, scalars,
+    ALL, CELLS, Group, all_within, for_each_chunk, for_each_group, half_windows, load_halves, opaque, positions,
+    rows_at, scalars,
 };
 use crate::lut::table::Tap;
 use crate::warp::kernels::plane::Plane;
@@ -50,26 +51,42 @@ pub(in crate::warp::kernels) fn bilinear_f32<const CHANNELS: usize>(
     let limit = |plane: &Plane<'_>| plane.limit(if CHANNELS == 3 { 28 } else { 8 * CHANNELS });
     let plane = Plane::new(source).filter(|plane| taps.len() >= CELLS && limit(plane) >= 0);
     let Some(plane) = plane else { return scalar::bilinear::<f32, CHANNELS, false>(source, taps, cells) };
-    let limit = limit(&plane);
+    if plane.strided.is_none() {
+        blend_run_f32::<CHANNELS, false>(source, &plane, limit(&plane), taps, cells);
+    } else {
+        blend_run_f32::<CHANNELS, true>(source, &plane, limit(&plane), taps, cells);
+    }
+}
+
+/// `limit` is the last position from where the widest load stays inside the image.
+#[inline]
+#[target_feature(enable = "avx2")]
+fn blend_run_f32<const CHANNELS: usize, const STRIDED: bool>(
+    source: &Source<'_, f32>,
+    plane: &Plane<'_>,
+    limit: i32,
+    taps: &[Tap],
+    cells: &mut [f32],
+) {
     for_each_group(taps, cells, CHANNELS, |taps, cells| {
         let group = Group::load(taps);
         let positions = match CHANNELS {
-            1 => positions::<4>(&plane, group.offsets),
-            3 => positions::<12>(&plane, group.offsets),
-            _ => positions::<16>(&plane, group.offsets),
+            1 => positions::<4, STRIDED>(plane, group.offsets),
+            3 => positions::<12, STRIDED>(plane, group.offsets),
+            _ => positions::<16, STRIDED>(plane, group.offsets),
         };
         if !all_within(positions, limit) {
             return scalar::bilinear::<f32, CHANNELS, false>(source, taps, cells);
         }
         let at = match CHANNELS {
-            1 => scalars::<4, CELLS>(&plane, taps, positions, ALL),
-            3 => scalars::<12, CELLS>(&plane, taps, positions, ALL),
-            _ => scalars::<16, CELLS>(&plane, taps, positions, ALL),
+            1 => scalars::<4, STRIDED, CELLS>(plane, taps, positions, ALL),
+            3 => scalars::<12, STRIDED, CELLS>(plane, taps, positions, ALL),
+            _ => scalars::<16, STRIDED, CELLS>(plane, taps, positions, ALL),
         };
         if CHANNELS == 1 {
-            blend_one_f32(&plane, at, group.weights(), cells);
+            blend_one_f32(plane, at, group.weights(), cells);
         } else {
-            blend_colour_f32::<CHANNELS>(&plane, at, group.weights(), cells);
+            blend_colour_f32::<CHANNELS>(plane, at, group.weights(), cells);
         }
     });
 }
@@ -80,7 +97,7 @@ pub(in crate::warp::kernels) fn bilinear_f32<const CHANNELS: usize>(
 fn blend_one_f32(plane: &Plane<'_>, at: [usize; CELLS], weights: (__m256, __m256), cells: &mut [f32]) {
     assert_eq!(cells.len(), CELLS);
     let pairs = |row: isize| {
-        let at = |cell: usize| plane.start().wrapping_add(at[cell]).wrapping_offset(row);
+        let at = |cell: usize| plane.start().wrapping_offset(row).wrapping_add(at[cell]);
         // SAFETY: a tap of the table has two pixels, 8 bytes, in this row and in the one below.
         let two = |a: usize| unsafe { _mm_loadh_pd(_mm_load_sd(at(a).cast()), at(a + 1).cast()) };
         let four = |a: usize| _mm256_castpd_ps(_mm256_set_m128d(two(a + 4), two(a)));
@@ -156,7 +173,7 @@ pub(in crate::warp::kernels) fn bilinear_f32_any(source: &Source<'_, f32>, taps:
     let Some(plane) = plane else { return scalar::bilinear::<f32, 0, false>(source, taps, cells) };
     for_each_group(taps, cells, channels, |taps, cells| {
         let group = Group::load(taps);
-        let at = scalars::<0, CELLS>(&plane, taps, positions::<0>(&plane, group.offsets), ALL);
+        let at = scalars::<0, true, CELLS>(&plane, taps, positions::<0, true>(&plane, group.offsets), ALL);
         let (x, y) = weight_lanes(&group);
         for (cell, out) in cells.chunks_exact_mut(channels).enumerate() {
             let ((top, bottom), out) = (rows_at(&plane, at[cell]), out.as_mut_ptr());
@@ -218,32 +235,48 @@ pub(in crate::warp::kernels) fn bilinear_u16<const CHANNELS: usize>(
     let limit = |plane: &Plane<'_>| plane.limit(16);
     let plane = Plane::new(source).filter(|plane| taps.len() >= CELLS && limit(plane) >= 0);
     let Some(plane) = plane else { return scalar::bilinear::<u16, CHANNELS, false>(source, taps, cells) };
-    let limit = limit(&plane);
+    if plane.strided.is_none() {
+        blend_run_u16::<CHANNELS, false>(source, &plane, limit(&plane), taps, cells);
+    } else {
+        blend_run_u16::<CHANNELS, true>(source, &plane, limit(&plane), taps, cells);
+    }
+}
+
+/// `limit` is the last position from where the widest load stays inside the image.
+#[inline]
+#[target_feature(enable = "avx2")]
+fn blend_run_u16<const CHANNELS: usize, const STRIDED: bool>(
+    source: &Source<'_, u16>,
+    plane: &Plane<'_>,
+    limit: i32,
+    taps: &[Tap],
+    cells: &mut [u16],
+) {
     for_each_group(taps, cells, CHANNELS, |taps, cells| {
         let group = Group::load(taps);
         let positions = match CHANNELS {
-            1 => positions::<2>(&plane, group.offsets),
-            3 => positions::<6>(&plane, group.offsets),
-            _ => positions::<8>(&plane, group.offsets),
+            1 => positions::<2, STRIDED>(plane, group.offsets),
+            3 => positions::<6, STRIDED>(plane, group.offsets),
+            _ => positions::<8, STRIDED>(plane, group.offsets),
         };
         if !all_within(positions, limit) {
             return scalar::bilinear::<u16, CHANNELS, false>(source, taps, cells);
         }
         if CHANNELS == 1 {
-            return blend_one_u16(&plane, taps, positions, group.weights(), cells);
+            return blend_one_u16::<STRIDED>(plane, taps, positions, group.weights(), cells);
         }
         let at = match CHANNELS {
-            3 => scalars::<6, CELLS>(&plane, taps, positions, ALL),
-            _ => scalars::<8, CELLS>(&plane, taps, positions, ALL),
+            3 => scalars::<6, STRIDED, CELLS>(plane, taps, positions, ALL),
+            _ => scalars::<8, STRIDED, CELLS>(plane, taps, positions, ALL),
         };
-        blend_colour_u16::<CHANNELS>(&plane, at, group.weights(), cells);
+        blend_colour_u16::<CHANNELS>(plane, at, group.weights(), cells);
     });
 }
 
 /// Eight cells of one channel. Every position must allow loads of 16 bytes, there and one row below.
 #[inline]
 #[target_feature(enable = "avx2")]
-fn blend_one_u16(
+fn blend_one_u16<const STRIDED: bool>(
     plane: &Plane<'_>,
     taps: &[Tap; CELLS],
     positions: __m256i,
@@ -252,11 +285,9 @@ fn blend_one_u16(
 ) {
     assert_eq!(cells.len(), CELLS);
     // a lane of either row is the left pixel in its low and the right pixel in its high half
-    let first = _mm256_shuffle_epi32::<0b00_00_00_00>(positions);
-    let last = _mm256_shuffle_epi32::<0b11_11_11_11>(positions);
-    let distances = _mm256_sub_epi32(positions, _mm256_min_epu32(first, last));
+    let (_, distances) = half_windows(positions);
     let (top, bottom) = if all_within(distances, 12) {
-        let ends = scalars::<2, 4>(plane, taps, positions, [0, 3, 4, 7]);
+        let ends = scalars::<2, STRIDED, 4>(plane, taps, positions, [0, 3, 4, 7]);
         let (low, high) = (rows_at(plane, ends[0].min(ends[1])), rows_at(plane, ends[2].min(ends[3])));
         // SAFETY: both are positions of taps; the caller's promise.
         let (top, bottom) =
@@ -265,9 +296,9 @@ fn blend_one_u16(
         let pick = _mm256_add_epi8(_mm256_shuffle_epi8(distances, spread), _mm256_set1_epi32(0x0302_0100));
         (_mm256_shuffle_epi8(top, pick), _mm256_shuffle_epi8(bottom, pick))
     } else {
-        let at = scalars::<2, CELLS>(plane, taps, positions, ALL);
+        let at = scalars::<2, STRIDED, CELLS>(plane, taps, positions, ALL);
         let pairs = |row: isize| {
-            let at = |cell: usize| plane.start().wrapping_add(at[cell]).wrapping_offset(row);
+            let at = |cell: usize| plane.start().wrapping_offset(row).wrapping_add(at[cell]);
             // SAFETY: the caller's promise.
             let two =
                 |a: usize| unsafe { _mm_unpacklo_epi32(_mm_loadu_si32(at(a)), _mm_loadu_si128(at(a + 1).cast())) };
@@ -360,7 +391,7 @@ pub(in crate::warp::kernels) fn bilinear_u16_any(source: &Source<'_, u16>, taps:
     let Some(plane) = plane else { return scalar::bilinear::<u16, 0, false>(source, taps, cells) };
     for_each_group(taps, cells, channels, |taps, cells| {
         let group = Group::load(taps);
-        let at = scalars::<0, CELLS>(&plane, taps, positions::<0>(&plane, group.offsets), ALL);
+        let at = scalars::<0, true, CELLS>(&plane, taps, positions::<0, true>(&plane, group.offsets), ALL);
         let (x, y) = weight_lanes(&group);
         for (cell, out) in cells.chunks_exact_mut(channels).enumerate() {
             let ((top, bottom), out) = (rows_at(&plane, at[cell]), out.as_mut_ptr());
