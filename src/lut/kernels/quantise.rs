@@ -48,7 +48,7 @@ pub(crate) fn quantise(isa: Isa, us: &[f64], vs: &[f64], source: (u32, u32), tap
 fn quantise_inside(isa: Isa, us: &[f64], vs: &[f64], source: (u32, u32), taps: &mut [u64], kinds: &mut [u8]) {
     for_each_isa!(
         isa,
-        (taps_of_row::<Plain>, taps_of_row::<Rounding>, taps_of_row::<Fused>)(
+        (taps_of_row::<Plain>, taps_of_row::<Rounding<false>>, taps_of_row::<Rounding<true>>)(
             us: &[f64], vs: &[f64], source: (u32, u32), taps: &mut [u64], kinds: &mut [u8]
         )
     );
@@ -156,11 +156,12 @@ impl Arithmetic for Plain {
     }
 }
 
-/// With one.
-#[cfg_attr(not(target_arch = "x86_64"), allow(dead_code, reason = "of AVX2"))]
-struct Rounding;
+/// With one, and where `FUSED` with one that multiplies and adds.
+#[cfg(target_arch = "x86_64")]
+struct Rounding<const FUSED: bool>;
 
-impl Arithmetic for Rounding {
+#[cfg(target_arch = "x86_64")]
+impl<const FUSED: bool> Arithmetic for Rounding<FUSED> {
     #[inline(always)]
     fn floor(number: f64) -> f64 {
         number.floor()
@@ -173,28 +174,7 @@ impl Arithmetic for Rounding {
 
     #[inline(always)]
     fn exact_mul_add(a: f64, b: f64, c: f64) -> f64 {
-        a * b + c
-    }
-}
-
-/// With one, and one that multiplies and adds.
-#[cfg_attr(not(target_arch = "x86_64"), allow(dead_code, reason = "of AVX-512"))]
-struct Fused;
-
-impl Arithmetic for Fused {
-    #[inline(always)]
-    fn floor(number: f64) -> f64 {
-        number.floor()
-    }
-
-    #[inline(always)]
-    fn nearest(number: f64) -> f64 {
-        number.round_ties_even()
-    }
-
-    #[inline(always)]
-    fn exact_mul_add(a: f64, b: f64, c: f64) -> f64 {
-        a.mul_add(b, c)
+        if FUSED { a.mul_add(b, c) } else { a * b + c }
     }
 }
 
