@@ -29,17 +29,21 @@ pub(in crate::warp::kernels) fn bilinear_u8<const CHANNELS: usize>(
         let (low, high) = halves(taps);
         let (low, high) = (Four::load(low), Four::load(high));
         let weights = Weights::new(low.fractions, high.fractions);
+        let rows = plane.rows::<CHANNELS, 8>(taps);
         match CHANNELS {
-            1 => blend_single(&plane, &weights, taps, cells),
-            4 => store_four(blend::<4>(&plane, &weights, taps), cells),
+            1 => blend_single(rows, &weights, cells),
+            4 => store_four(blend::<4>(rows, &weights), cells),
             // beyond the two pixels of a row lie two bytes that the image may not have
-            _ if highest::<CHANNELS>(&plane, taps, vmaxq_u32(low.offsets, high.offsets)) as isize > last => {
+            _ if highest::<CHANNELS>(&plane, &rows, vmaxq_u32(low.offsets, high.offsets)) as isize > last => {
                 scalar::bilinear::<u8, CHANNELS, false>(source, taps, cells);
             }
-            _ => store_three(blend::<3>(&plane, &weights, taps), cells),
+            _ => store_three(blend::<3>(rows, &weights), cells),
         }
     });
 }
+
+/// Addresses of the two rows of each cell.
+type Rows = [(*const u8, *const u8); 8];
 
 fn halves(taps: &[Tap; 8]) -> (&[Tap; 4], &[Tap; 4]) {
     let (halves, _) = taps.as_chunks::<4>();
@@ -49,11 +53,11 @@ fn halves(taps: &[Tap; 8]) -> (&[Tap; 4], &[Tap; 4]) {
 /// The highest byte position of a top-left pixel.
 #[inline]
 #[target_feature(enable = "neon")]
-fn highest<const CHANNELS: usize>(plane: &Plane<'_>, taps: &[Tap; 8], offsets: uint32x4_t) -> usize {
+fn highest<const CHANNELS: usize>(plane: &Plane<'_>, rows: &Rows, offsets: uint32x4_t) -> usize {
     if plane.strided.is_none() {
         return vmaxvq_u32(offsets) as usize * CHANNELS;
     }
-    taps.iter().map(|tap| plane.position::<CHANNELS>(tap.offset)).max().unwrap_or(0)
+    rows.iter().map(|(top, _)| top.addr() - plane.start().addr()).max().unwrap_or(0)
 }
 
 /// The Q15 weights of eight cells.
@@ -104,9 +108,8 @@ fn rounded(low: uint32x4_t, high: uint32x4_t) -> uint16x8_t {
 /// Eight cells of one channel.
 #[inline]
 #[target_feature(enable = "neon")]
-fn blend_single(plane: &Plane<'_>, weights: &Weights, taps: &[Tap; 8], cells: &mut [u8]) {
+fn blend_single(rows: Rows, weights: &Weights, cells: &mut [u8]) {
     assert_eq!(cells.len(), 8);
-    let rows = plane.rows::<1, 8>(taps);
     // SAFETY: the cells are inside, so two pixels of a byte exist at either address.
     let pair = |at: *const u8| unsafe { at.cast::<u16>().read_unaligned() };
     let (top, bottom) = (pairs(rows.map(|(top, _)| pair(top))), pairs(rows.map(|(_, bottom)| pair(bottom))));
@@ -136,8 +139,7 @@ fn pairs(pairs: [u16; 8]) -> uint16x8_t {
 /// Eight cells of 3 or 4 channels, four bytes each.
 #[inline]
 #[target_feature(enable = "neon")]
-fn blend<const CHANNELS: usize>(plane: &Plane<'_>, weights: &Weights, taps: &[Tap; 8]) -> uint8x16x2_t {
-    let rows = plane.rows::<CHANNELS, 8>(taps);
+fn blend<const CHANNELS: usize>(rows: Rows, weights: &Weights) -> uint8x16x2_t {
     let row = |cell: usize| (load_row::<CHANNELS>(rows[cell].0), load_row::<CHANNELS>(rows[cell].1));
     macro_rules! two {
         ($first:literal, $second:literal) => {{
