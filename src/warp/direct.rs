@@ -162,7 +162,7 @@ fn run<T: Sample>(
         return Err(Error::OutputShape { expected: (rows, columns, image.channels()), got: out.shape() });
     }
     let border = options.border(image.channels(), 1)?;
-    let (threads, isa) = (options.threads_for(rows * columns)?, options.isa()?);
+    let (threads, isa) = (options.threads_for(rows * columns, channels)?, options.isa()?);
     let source = Source::new(image, &border);
     let whole: Vec<f64> = (0..columns).map(|column| column as f64).collect();
     let bands = out.bands(parallel::rows_per_band(rows, columns, threads));

@@ -114,7 +114,7 @@ impl Lut {
             }
         }
         options.border(first.channels(), images.len())?;
-        options.threads_for(0).map(drop)
+        options.threads_for(0, 0).map(drop)
     }
 }
 
@@ -147,13 +147,12 @@ fn run<T: Sample>(
             warp_segments(lut.table().row(row), &source, cells, &kernels);
         }
     };
-    let cells = rows * columns;
-    let threads = options.threads_for(cells * images.len())?;
+    let threads = options.threads_for(rows * columns * images.len(), channels)?;
     let even = parallel::rows_per_band(rows * images.len(), columns, threads);
     let shared = if images.len() > 1 { SHARED_CELLS.div_ceil(columns) } else { rows };
     let band_rows = even.min(shared).min(rows);
     if band_rows == rows {
-        let together = (options::INLINE_CELLS / 2).div_ceil(cells);
+        let together = WarpOptions::<T>::images_together(rows * columns, channels);
         parallel::for_each(threads, outs.chunks_mut(together).enumerate(), |(job, outs)| {
             for (index, out) in (job * together..).zip(outs) {
                 warp_rows(index, 0, out.rows());
