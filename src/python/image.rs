@@ -214,12 +214,13 @@ impl<'py> ImageArray<'py> {
     }
 
     /// Address of row 0 of every plane of every image of the batch, in order.
-    fn planes(&self) -> impl Iterator<Item = *mut u8> + use<'_, 'py> {
-        let plane = |image: usize, plane: usize| {
-            let offset = self.batch.stride * image as isize + self.planes.stride * plane as isize;
-            self.address().wrapping_offset(offset)
-        };
-        (0..self.batch.count).flat_map(move |image| (0..self.planes.count).map(move |index| plane(image, index)))
+    fn planes(&self) -> impl ExactSizeIterator<Item = *mut u8> + use<'_, 'py> {
+        let start = self.address();
+        let planes = self.planes.count;
+        (0..self.batch.count * planes).map(move |index| {
+            let (image, plane) = ((index / planes) as isize, (index % planes) as isize);
+            start.wrapping_offset(self.batch.stride * image + self.planes.stride * plane)
+        })
     }
 
     /// The array under another element type: only for its data pointer and borrow flags, which do not look at it.
@@ -292,7 +293,11 @@ impl Reading<'_, '_> {
             let size = (image.width, image.rows.count);
             ImageView::with_row_stride(data, size, image.samples, before / sample, row_stride)
         };
-        image.planes().map(view).collect()
+        let mut views = Vec::with_capacity(image.planes().len());
+        for first in image.planes() {
+            views.push(view(first)?);
+        }
+        Ok(views)
     }
 }
 

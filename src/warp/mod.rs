@@ -113,7 +113,7 @@ impl Lut {
                 return Err(Error::MixedChannels { expected: first.channels(), got: image.channels() });
             }
         }
-        options.border(first.channels(), images.len())?;
+        options.check_border(first.channels(), images.len())?;
         options.threads_for(0, 0).map(drop)
     }
 }

@@ -1,5 +1,7 @@
 //! How to warp.
 
+use std::borrow::Cow;
+
 use super::kernels::{Bilinear, RowKernels};
 use crate::cpu::Isa;
 use crate::error::{Error, Result};
@@ -65,13 +67,22 @@ impl<T: Copy> WarpOptions<T> {
         (INLINE_TRAFFIC / 8).div_ceil(cells * traffic(channels * size_of::<T>()))
     }
 
-    /// The border value of each channel of the images; or, for images of one channel, of each plane in turn.
-    pub(super) fn border(&self, channels: usize, images: usize) -> Result<Vec<T>> {
+    /// Whether there is a border value for each channel of the images; or, for images of one channel, for each plane.
+    pub(super) fn check_border(&self, channels: usize, images: usize) -> Result<()> {
         match self.border_value.len() {
-            1 => Ok(vec![self.border_value[0]; channels]),
-            values if values == channels => Ok(self.border_value.clone()),
-            values if values > 0 && channels == 1 && images.is_multiple_of(values) => Ok(self.border_value.clone()),
+            1 => Ok(()),
+            values if values == channels => Ok(()),
+            values if values > 0 && channels == 1 && images.is_multiple_of(values) => Ok(()),
             values => Err(Error::BorderChannels { expected: channels, got: values }),
+        }
+    }
+
+    /// The border value of each channel, or of each plane in turn, if [`Self::check_border`] allows.
+    pub(super) fn border(&self, channels: usize, images: usize) -> Result<Cow<'_, [T]>> {
+        self.check_border(channels, images)?;
+        match *self.border_value {
+            [value] if channels > 1 => Ok(Cow::Owned(vec![value; channels])),
+            _ => Ok(Cow::Borrowed(&self.border_value)),
         }
     }
 }
