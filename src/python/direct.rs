@@ -6,7 +6,7 @@ use pyo3::prelude::*;
 use super::convert::{matrix3, size};
 use super::image::ImageArray;
 use super::layout::Layout;
-use super::lut::{contiguous, map_pair};
+use super::maps::{contiguous, map_pair};
 use super::options;
 use crate::camera::check_image_size;
 use crate::grid::check_cells;

@@ -24,6 +24,7 @@ mod grid;
 mod image;
 mod layout;
 mod lut;
+mod maps;
 mod options;
 mod shared;
 
