@@ -25,7 +25,7 @@ export NO_MKDOCS_2_WARNING := 1
 
 .PHONY: help
 help: ## List the targets
-	@awk 'BEGIN { FS = ":.*## " } /^[a-z-]+:.*## / { printf "  make %-13s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+	@awk 'BEGIN { FS = ":.*## " } /^[a-z-]+:.*## / { printf "  make %-18s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
 
 # ---------------------------------------------------------------- environment
 # A stamp file stands for each installed group, so that repeated calls install nothing.
@@ -128,12 +128,15 @@ sdist: $(BUILD) ## Build the source distribution, and a wheel from it as pip wou
 
 # ---------------------------------------------------------------- benchmarks, documentation
 
-.PHONY: bench bench-peers docs fmt clean
+.PHONY: bench bench-peers bench-instructions docs fmt clean
 bench: ## Criterion benchmarks of the Rust core: make bench ARGS="warp"
 	$(CARGO) bench $(LOCKED) -- $(ARGS)
 
 bench-peers: $(BENCH) $(INSTALLED) ## Compare with OpenCV and other libraries; rewrites docs/benchmarks.md
 	$(PY) benches/python/peers.py --write docs/benchmarks.md
+
+bench-instructions: $(BASE) ## Count instructions a cell (valgrind, AVX2) against benches/instructions.json
+	$(PY) scripts/count_instructions.py $(ARGS)
 
 docs: $(DEV) ## Build the documentation into site/, and the Rust documentation into target/doc
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc $(LOCKED) --quiet --no-deps

@@ -1,0 +1,84 @@
+//! One job, once, for counting its instructions: `scripts/count_instructions.py` runs it under callgrind.
+//!
+//! Instructions are the same on every run and whatever else the machine does, so a kernel that has become worse shows
+//! at 3 %, which no clock here does. They are not time: caches and dependencies do not count.
+
+#[path = "../tests/common/mod.rs"]
+mod common;
+
+use std::hint::black_box;
+
+use common::{seed_camera, seed_grid, textured};
+use ipm_rs::{
+    Bilinear, BorderMode, Camera, Ground, ImageView, ImageViewMut, Interpolation, Lut, Mapping, WarpOptions,
+    warp_direct_into,
+};
+
+const SIZE: (usize, usize) = (1024, 512);
+
+/// What is counted: nothing outside this function is.
+#[inline(never)]
+fn counted(job: &mut dyn FnMut()) {
+    job();
+}
+
+fn main() {
+    // cargo bench passes `--bench`; without a job there is nothing to do
+    let Some(name) = std::env::args().nth(1).filter(|name| !name.starts_with('-')) else { return };
+    let camera = seed_camera().resized(SIZE.0 as u32, SIZE.1 as u32).expect("the size is good");
+    let cells = match name.as_str() {
+        "bilinear u8x1" => warp::<u8>(&camera, 1, Interpolation::Bilinear, |byte| byte),
+        "bilinear u8x3" => warp::<u8>(&camera, 3, Interpolation::Bilinear, |byte| byte),
+        "bilinear u8x4" => warp::<u8>(&camera, 4, Interpolation::Bilinear, |byte| byte),
+        "bilinear u16x3" => warp::<u16>(&camera, 3, Interpolation::Bilinear, |byte| u16::from(byte) * 257),
+        "bilinear f32x1" => warp::<f32>(&camera, 1, Interpolation::Bilinear, f32::from),
+        "bilinear f32x3" => warp::<f32>(&camera, 3, Interpolation::Bilinear, f32::from),
+        "nearest u8x1" => warp::<u8>(&camera, 1, Interpolation::Nearest, |byte| byte),
+        "nearest u8x3" => warp::<u8>(&camera, 3, Interpolation::Nearest, |byte| byte),
+        "table" => table(&camera),
+        "homography u8x3" => homography(),
+        other => panic!("expected a job of benches/instructions.json, got {other:?}"),
+    };
+    println_cells(cells);
+}
+
+#[expect(clippy::print_stdout, reason = "what the script reads")]
+fn println_cells(cells: usize) {
+    println!("{cells}");
+}
+
+/// Warps through a table; returns the valid cells.
+fn warp<T: Bilinear>(camera: &Camera, channels: usize, interpolation: Interpolation, sample: fn(u8) -> T) -> usize {
+    let lut = Lut::new(camera, &seed_grid((0.1, 0.05)), &Ground::default()).expect("the seed job fits");
+    let data: Vec<T> = textured(SIZE.0 * SIZE.1 * channels).into_iter().map(sample).collect();
+    let image = ImageView::new(&data, SIZE, channels).expect("the image fits its size");
+    let mut out = vec![T::default(); lut.rows() * lut.columns() * channels];
+    let mut out = ImageViewMut::new(&mut out, (lut.columns(), lut.rows()), channels).expect("the output fits");
+    let options = WarpOptions { interpolation, threads: Some(1), ..WarpOptions::default() };
+    counted(&mut || lut.warp_into(black_box(&image), &mut out, &options).expect("the image fits the table"));
+    lut.valid_cells()
+}
+
+/// Builds a table; returns its cells.
+fn table(camera: &Camera) -> usize {
+    ipm_rs::set_num_threads(1).expect("one is a number of threads");
+    let grid = seed_grid((0.1, 0.05));
+    let mut lut = None;
+    counted(&mut || lut = Some(Lut::new(black_box(camera), &grid, &Ground::default()).expect("the seed job fits")));
+    lut.map_or(0, |lut| lut.rows() * lut.columns())
+}
+
+/// Warps by a homography, without a table; returns the cells.
+fn homography() -> usize {
+    let data = textured(SIZE.0 * SIZE.1 * 3);
+    let image = ImageView::new(&data, SIZE, 3).expect("the image fits its size");
+    let mut out = vec![0; 400 * 400 * 3];
+    let mut out = ImageViewMut::new(&mut out, (400, 400), 3).expect("the output fits");
+    let m = nalgebra::Matrix3::new(2.1, -0.3, 60.0, 0.1, 1.1, 20.0, 1e-4, 2e-4, 1.0);
+    let options = WarpOptions { threads: Some(1), ..WarpOptions::default() };
+    let mapping = Mapping::Homography(m);
+    counted(&mut || {
+        warp_direct_into(black_box(&image), &mapping, &mut out, BorderMode::Constant, &options).expect("it fits");
+    });
+    400 * 400
+}
