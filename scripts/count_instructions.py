@@ -1,8 +1,8 @@
 """Instructions a cell, counted by callgrind, against those on record: `make bench-instructions`.
 
 Runs each job of benches/instructions.rs once with IPM_RS_ISA=avx2 (valgrind cannot run AVX-512) and compares with
-benches/instructions.json. More than 3 % above the record is a regression and exits with 1; `--write` makes a new record,
-which is right after a change that is meant to cost, or that made a job cheaper.
+benches/instructions.json. More than 3 % above the record is a regression and exits with 1; `--write` makes a new
+record, which is right after a change that is meant to cost, or that made a job cheaper.
 """
 
 from __future__ import annotations
@@ -33,6 +33,7 @@ TOLERANCE = 0.03  # another compiler version moves a job by 1 to 2 %
 
 
 def main() -> int:
+    """Count every job, print, compare."""
     if shutil.which("valgrind") is None:
         print("valgrind was not found: nothing was counted (Debian: apt-get install valgrind)")
         return 0
