@@ -114,6 +114,13 @@ snippets: $(DEV) $(INSTALLED) ## Run the Python blocks of the README and of the 
 bench-smoke: $(DEV) $(INSTALLED)
 	$(PY) benches/python/peers.py --quick
 
+.PHONY: test-neon test-no-avx
+test-neon: ## Cross-compile the Rust tests for aarch64 and run them under qemu; names the packages that it misses
+	$(PYTHON) scripts/test_emulated.py neon
+
+test-no-avx: ## Run the Rust tests under qemu on a CPU without AVX and on two without AVX-512
+	$(PYTHON) scripts/test_emulated.py no-avx
+
 .PHONY: test-pythons sdist
 test-pythons: $(WHEEL) ## Install the wheel with NumPy alone into every Python 3.10+ found here, and try it
 	$(PY) scripts/test_pythons.py dist/ipm_rs-*.whl
