@@ -13,10 +13,7 @@
 
 use std::arch::x86_64::*;
 
-use super::{
-    ALL, CELLS, Group, all_within, for_each_chunk, for_each_group, half_windows, lanes, load_halves, opaque, positions,
-    rows_at, scalars,
-};
+use super::{CELLS, Group, Run, distances_within, for_each_chunk, lanes, load_halves, lowest, opaque, rows_at, vector};
 use crate::lut::table::Tap;
 use crate::warp::kernels::plane::Plane;
 use crate::warp::kernels::{Source, scalar};
@@ -34,41 +31,25 @@ pub(in crate::warp::kernels) fn bilinear_u8<const CHANNELS: usize>(
     taps: &[Tap],
     cells: &mut [u8],
 ) {
-    let plane = Plane::new(source).filter(|plane| taps.len() >= CELLS && plane.limit(LOADED) >= 0);
-    let Some(plane) = plane else { return scalar::bilinear::<u8, CHANNELS, false>(source, taps, cells) };
-    if plane.strided.is_none() {
-        blend_run::<CHANNELS, false>(source, &plane, taps, cells);
-    } else {
-        blend_run::<CHANNELS, true>(source, &plane, taps, cells);
-    }
-}
-
-#[inline]
-#[target_feature(enable = "avx2")]
-fn blend_run<const CHANNELS: usize, const STRIDED: bool>(
-    source: &Source<'_, u8>,
-    plane: &Plane<'_>,
-    taps: &[Tap],
-    cells: &mut [u8],
-) {
-    let limit = plane.limit(LOADED);
-    for_each_group(taps, cells, CHANNELS, |taps, cells| {
-        let group = Group::load(taps);
-        let positions = positions::<CHANNELS, STRIDED>(plane, group.offsets);
-        if !all_within(positions, limit) {
-            return scalar::bilinear::<u8, CHANNELS, false>(source, taps, cells);
-        }
-        let weights = Weights::new(group.fractions);
-        if CHANNELS == 1 {
-            blend_gray::<STRIDED>(plane, taps, positions, &weights, cells);
-        } else {
-            blend_colour::<CHANNELS, STRIDED>(plane, taps, positions, &weights, cells);
-        }
-    });
+    let scalar = scalar::bilinear::<u8, CHANNELS, false>;
+    let plane = Plane::new(source).filter(|_| taps.len() >= CELLS);
+    let Some(plane) = plane else { return scalar(source, taps, cells) };
+    Run::<_, CHANNELS> { plane: &plane, limit: plane.limit(LOADED), taps, cells }.for_each_group(
+        |group| (group.offsets, Weights::new(group.fractions)),
+        |positions, weights, cells| {
+            if CHANNELS == 1 {
+                blend_gray(&plane, positions, weights, cells);
+            } else {
+                blend_colour::<CHANNELS>(&plane, positions, weights, cells);
+            }
+        },
+        |taps, cells| scalar(source, taps, cells),
+    );
 }
 
 /// The weights of eight cells. 32768 does not fit and is 32767, which changes no result: `32767 p + 2^14` is still at
 /// least `32768 p` for every 8-bit p.
+#[derive(Clone, Copy)]
 struct Weights {
     /// Top right in the low half of each lane, top left in the high half.
     top: __m256i,
@@ -124,15 +105,8 @@ fn round_pairs(a: __m256i, b: __m256i) -> __m256i {
 /// Eight cells of 3 or 4 channels, four lanes to a cell.
 #[inline]
 #[target_feature(enable = "avx2")]
-fn blend_colour<const CHANNELS: usize, const STRIDED: bool>(
-    plane: &Plane<'_>,
-    taps: &[Tap; CELLS],
-    positions: __m256i,
-    weights: &Weights,
-    cells: &mut [u8],
-) {
+fn blend_colour<const CHANNELS: usize>(plane: &Plane<'_>, at: &[u32; CELLS], weights: &Weights, cells: &mut [u8]) {
     assert_eq!(cells.len(), CELLS * CHANNELS);
-    let at = scalars::<CHANNELS, STRIDED, CELLS>(plane, taps, positions, ALL);
     // right and left pixel of each channel as 16-bit numbers; -1 is zero
     #[rustfmt::skip]
     let spread = if CHANNELS == 3 {
@@ -175,17 +149,10 @@ fn blend_colour<const CHANNELS: usize, const STRIDED: bool>(
 /// Eight cells of one channel, a lane to a cell.
 #[inline]
 #[target_feature(enable = "avx2")]
-fn blend_gray<const STRIDED: bool>(
-    plane: &Plane<'_>,
-    taps: &[Tap; CELLS],
-    positions: __m256i,
-    weights: &Weights,
-    cells: &mut [u8],
-) {
-    let (_, distances) = half_windows(positions);
-    let sums = if all_within(distances, 14) {
-        let ends = scalars::<1, STRIDED, 4>(plane, taps, positions, [0, 3, 4, 7]);
-        let (low, high) = (rows_at(plane, ends[0].min(ends[1])), rows_at(plane, ends[2].min(ends[3])));
+fn blend_gray(plane: &Plane<'_>, at: &[u32; CELLS], weights: &Weights, cells: &mut [u8]) {
+    let sums = if let Some(distances) = distances_within(vector(at), LOADED as i32 - 2) {
+        let (low, high) = lowest(at);
+        let (low, high) = (rows_at(plane, low), rows_at(plane, high));
         // SAFETY: both are positions of taps, which the caller checked against `Plane::limit(LOADED)`: 16 bytes exist
         // from there on, in this row and one row below.
         let (top, bottom) =
@@ -195,7 +162,7 @@ fn blend_gray<const STRIDED: bool>(
         let pick = _mm256_add_epi32(both, _mm256_set1_epi32(0x8000_8001_u32 as i32));
         weights.sums(_mm256_shuffle_epi8(top, pick), _mm256_shuffle_epi8(bottom, pick))
     } else {
-        gather_pairs(plane, scalars::<1, STRIDED, CELLS>(plane, taps, positions, ALL), weights)
+        gather_pairs(plane, at, weights)
     };
     let rounded = _mm256_srli_epi32::<15>(_mm256_add_epi32(sums, _mm256_set1_epi32(1 << 14)));
     store_gray(rounded, cells);
@@ -204,7 +171,7 @@ fn blend_gray<const STRIDED: bool>(
 /// The sums of eight cells of one channel, whose pairs of pixels are loaded one by one.
 #[inline]
 #[target_feature(enable = "avx2")]
-fn gather_pairs(plane: &Plane<'_>, at: [usize; CELLS], weights: &Weights) -> __m256i {
+fn gather_pairs(plane: &Plane<'_>, at: &[u32; CELLS], weights: &Weights) -> __m256i {
     let cell = |cell: usize| {
         let (top, bottom) = rows_at(plane, at[cell]);
         // SAFETY: the caller's positions were checked against `Plane::limit(LOADED)`, of which these are the first four
@@ -243,13 +210,14 @@ fn store_gray(lanes: __m256i, cells: &mut [u8]) {
 #[target_feature(enable = "avx2")]
 pub(in crate::warp::kernels) fn bilinear_u8_any(source: &Source<'_, u8>, taps: &[Tap], cells: &mut [u8]) {
     let channels = source.channels();
+    let scalar = scalar::bilinear::<u8, 0, false>;
     let plane = Plane::new(source).filter(|_| taps.len() >= CELLS && channels >= 4);
-    let Some(plane) = plane else { return scalar::bilinear::<u8, 0, false>(source, taps, cells) };
-    for_each_group(taps, cells, channels, |taps, cells| {
-        let group = Group::load(taps);
-        let at = scalars::<0, true, CELLS>(&plane, taps, positions::<0, true>(&plane, group.offsets), ALL);
+    let Some(plane) = plane else { return scalar(source, taps, cells) };
+    let prepare = |group: &Group| {
         let weights = Weights::new(group.fractions);
-        let (top_weights, bottom_weights) = (lanes(weights.top), lanes(weights.bottom));
+        (group.offsets, (lanes(weights.top), lanes(weights.bottom)))
+    };
+    let fill = |at: &[u32; CELLS], (top_weights, bottom_weights): &([u32; CELLS], [u32; CELLS]), cells: &mut [u8]| {
         for (cell, out) in cells.chunks_exact_mut(channels).enumerate() {
             let ((top, bottom), out) = (rows_at(&plane, at[cell]), out.as_mut_ptr());
             let weights = Weights {
@@ -286,5 +254,7 @@ pub(in crate::warp::kernels) fn bilinear_u8_any(source: &Source<'_, u8>, taps: &
             };
             for_each_chunk(channels, eight, four);
         }
-    });
+    };
+    let rest = |taps: &[Tap], cells: &mut [u8]| scalar(source, taps, cells);
+    Run::<_, 0> { plane: &plane, limit: i32::MAX, taps, cells }.for_each_group(prepare, fill, rest);
 }

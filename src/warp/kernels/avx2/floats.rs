@@ -7,10 +7,7 @@
 
 use std::arch::x86_64::*;
 
-use super::{
-    ALL, CELLS, Group, all_within, for_each_chunk, for_each_group, half_windows, load_halves, opaque, positions,
-    rows_at, scalars,
-};
+use super::{CELLS, Group, Run, distances_within, for_each_chunk, load_halves, lowest, opaque, rows_at, vector};
 use crate::lut::table::Tap;
 use crate::warp::kernels::plane::Plane;
 use crate::warp::kernels::{Source, scalar};
@@ -47,57 +44,47 @@ pub(in crate::warp::kernels) fn bilinear_f32<const CHANNELS: usize>(
     taps: &[Tap],
     cells: &mut [f32],
 ) {
-    // the widest load: two pixels, but at least 16 bytes from the right one
-    let limit = |plane: &Plane<'_>| plane.limit(if CHANNELS == 3 { 28 } else { 8 * CHANNELS });
-    let plane = Plane::new(source).filter(|plane| taps.len() >= CELLS && limit(plane) >= 0);
-    let Some(plane) = plane else { return scalar::bilinear::<f32, CHANNELS, false>(source, taps, cells) };
-    if plane.strided.is_none() {
-        blend_run_f32::<CHANNELS, false>(source, &plane, limit(&plane), taps, cells);
-    } else {
-        blend_run_f32::<CHANNELS, true>(source, &plane, limit(&plane), taps, cells);
+    // two pixels of each row, and where a pixel has 12 bytes 16 from the right one
+    let loaded = if CHANNELS == 3 { 28 } else { 8 * CHANNELS };
+    match CHANNELS {
+        1 => blend_run_f32::<1, 4>(source, loaded, taps, cells),
+        3 => blend_run_f32::<3, 12>(source, loaded, taps, cells),
+        _ => blend_run_f32::<4, 16>(source, loaded, taps, cells),
     }
 }
 
-/// `limit` is the last position from where the widest load stays inside the image.
+/// Blends a run; `loaded` bytes are loaded from a position, there and one row below.
 #[inline]
 #[target_feature(enable = "avx2")]
-fn blend_run_f32<const CHANNELS: usize, const STRIDED: bool>(
+fn blend_run_f32<const CHANNELS: usize, const PIXEL: usize>(
     source: &Source<'_, f32>,
-    plane: &Plane<'_>,
-    limit: i32,
+    loaded: usize,
     taps: &[Tap],
     cells: &mut [f32],
 ) {
-    for_each_group(taps, cells, CHANNELS, |taps, cells| {
-        let group = Group::load(taps);
-        let positions = match CHANNELS {
-            1 => positions::<4, STRIDED>(plane, group.offsets),
-            3 => positions::<12, STRIDED>(plane, group.offsets),
-            _ => positions::<16, STRIDED>(plane, group.offsets),
-        };
-        if !all_within(positions, limit) {
-            return scalar::bilinear::<f32, CHANNELS, false>(source, taps, cells);
-        }
-        let at = match CHANNELS {
-            1 => scalars::<4, STRIDED, CELLS>(plane, taps, positions, ALL),
-            3 => scalars::<12, STRIDED, CELLS>(plane, taps, positions, ALL),
-            _ => scalars::<16, STRIDED, CELLS>(plane, taps, positions, ALL),
-        };
-        if CHANNELS == 1 {
-            blend_one_f32(plane, at, group.weights(), cells);
-        } else {
-            blend_colour_f32::<CHANNELS>(plane, at, group.weights(), cells);
-        }
-    });
+    let scalar = scalar::bilinear::<f32, CHANNELS, false>;
+    let plane = Plane::new(source).filter(|_| taps.len() >= CELLS);
+    let Some(plane) = plane else { return scalar(source, taps, cells) };
+    Run::<_, PIXEL> { plane: &plane, limit: plane.limit(loaded), taps, cells }.for_each_group(
+        |group| (group.offsets, group.weights()),
+        |positions, &weights, cells| {
+            if CHANNELS == 1 {
+                blend_one_f32(&plane, positions, weights, cells);
+            } else {
+                blend_colour_f32::<CHANNELS>(&plane, positions, weights, cells);
+            }
+        },
+        |taps, cells| scalar(source, taps, cells),
+    );
 }
 
 /// Eight cells of one channel.
 #[inline]
 #[target_feature(enable = "avx2")]
-fn blend_one_f32(plane: &Plane<'_>, at: [usize; CELLS], weights: (__m256, __m256), cells: &mut [f32]) {
+fn blend_one_f32(plane: &Plane<'_>, at: &[u32; CELLS], weights: (__m256, __m256), cells: &mut [f32]) {
     assert_eq!(cells.len(), CELLS);
     let pairs = |row: isize| {
-        let at = |cell: usize| plane.start().wrapping_offset(row).wrapping_add(at[cell]);
+        let at = |cell: usize| plane.start().wrapping_offset(row).wrapping_add(at[cell] as usize);
         // SAFETY: a tap of the table has two pixels, 8 bytes, in this row and in the one below.
         let two = |a: usize| unsafe { _mm_loadh_pd(_mm_load_sd(at(a).cast()), at(a + 1).cast()) };
         let four = |a: usize| _mm256_castpd_ps(_mm256_set_m128d(two(a + 4), two(a)));
@@ -115,7 +102,7 @@ fn blend_one_f32(plane: &Plane<'_>, at: [usize; CELLS], weights: (__m256, __m256
 #[target_feature(enable = "avx2")]
 fn blend_colour_f32<const CHANNELS: usize>(
     plane: &Plane<'_>,
-    at: [usize; CELLS],
+    at: &[u32; CELLS],
     weights: (__m256, __m256),
     cells: &mut [f32],
 ) {
@@ -169,12 +156,10 @@ fn blend_colour_f32<const CHANNELS: usize>(
 #[target_feature(enable = "avx2")]
 pub(in crate::warp::kernels) fn bilinear_f32_any(source: &Source<'_, f32>, taps: &[Tap], cells: &mut [f32]) {
     let channels = source.channels();
+    let scalar = scalar::bilinear::<f32, 0, false>;
     let plane = Plane::new(source).filter(|_| taps.len() >= CELLS && channels >= 4);
-    let Some(plane) = plane else { return scalar::bilinear::<f32, 0, false>(source, taps, cells) };
-    for_each_group(taps, cells, channels, |taps, cells| {
-        let group = Group::load(taps);
-        let at = scalars::<0, true, CELLS>(&plane, taps, positions::<0, true>(&plane, group.offsets), ALL);
-        let (x, y) = weight_lanes(&group);
+    let Some(plane) = plane else { return scalar(source, taps, cells) };
+    let fill = |at: &[u32; CELLS], (x, y): &([f32; CELLS], [f32; CELLS]), cells: &mut [f32]| {
         for (cell, out) in cells.chunks_exact_mut(channels).enumerate() {
             let ((top, bottom), out) = (rows_at(&plane, at[cell]), out.as_mut_ptr());
             let (top, bottom) = (top.cast::<f32>(), bottom.cast::<f32>());
@@ -198,7 +183,10 @@ pub(in crate::warp::kernels) fn bilinear_f32_any(source: &Source<'_, f32>, taps:
             };
             for_each_chunk(channels, eight, four);
         }
-    });
+    };
+    let prepare = |group: &Group| (group.offsets, weight_lanes(group));
+    let rest = |taps: &[Tap], cells: &mut [f32]| scalar(source, taps, cells);
+    Run::<_, 0> { plane: &plane, limit: i32::MAX, taps, cells }.for_each_group(prepare, fill, rest);
 }
 
 /// The weights of a group as arrays.
@@ -232,63 +220,49 @@ pub(in crate::warp::kernels) fn bilinear_u16<const CHANNELS: usize>(
     taps: &[Tap],
     cells: &mut [u16],
 ) {
-    let limit = |plane: &Plane<'_>| plane.limit(16);
-    let plane = Plane::new(source).filter(|plane| taps.len() >= CELLS && limit(plane) >= 0);
-    let Some(plane) = plane else { return scalar::bilinear::<u16, CHANNELS, false>(source, taps, cells) };
-    if plane.strided.is_none() {
-        blend_run_u16::<CHANNELS, false>(source, &plane, limit(&plane), taps, cells);
-    } else {
-        blend_run_u16::<CHANNELS, true>(source, &plane, limit(&plane), taps, cells);
+    // two pixels of each row, of which those of 6 bytes are loaded together with 4 more, those of 2 with 12 more
+    let loaded = 16;
+    match CHANNELS {
+        1 => blend_run_u16::<1, 2>(source, loaded, taps, cells),
+        3 => blend_run_u16::<3, 6>(source, loaded, taps, cells),
+        _ => blend_run_u16::<4, 8>(source, loaded, taps, cells),
     }
 }
 
-/// `limit` is the last position from where the widest load stays inside the image.
+/// Blends a run; `loaded` bytes are loaded from a position, there and one row below.
 #[inline]
 #[target_feature(enable = "avx2")]
-fn blend_run_u16<const CHANNELS: usize, const STRIDED: bool>(
+fn blend_run_u16<const CHANNELS: usize, const PIXEL: usize>(
     source: &Source<'_, u16>,
-    plane: &Plane<'_>,
-    limit: i32,
+    loaded: usize,
     taps: &[Tap],
     cells: &mut [u16],
 ) {
-    for_each_group(taps, cells, CHANNELS, |taps, cells| {
-        let group = Group::load(taps);
-        let positions = match CHANNELS {
-            1 => positions::<2, STRIDED>(plane, group.offsets),
-            3 => positions::<6, STRIDED>(plane, group.offsets),
-            _ => positions::<8, STRIDED>(plane, group.offsets),
-        };
-        if !all_within(positions, limit) {
-            return scalar::bilinear::<u16, CHANNELS, false>(source, taps, cells);
-        }
-        if CHANNELS == 1 {
-            return blend_one_u16::<STRIDED>(plane, taps, positions, group.weights(), cells);
-        }
-        let at = match CHANNELS {
-            3 => scalars::<6, STRIDED, CELLS>(plane, taps, positions, ALL),
-            _ => scalars::<8, STRIDED, CELLS>(plane, taps, positions, ALL),
-        };
-        blend_colour_u16::<CHANNELS>(plane, at, group.weights(), cells);
-    });
+    let scalar = scalar::bilinear::<u16, CHANNELS, false>;
+    let plane = Plane::new(source).filter(|_| taps.len() >= CELLS);
+    let Some(plane) = plane else { return scalar(source, taps, cells) };
+    Run::<_, PIXEL> { plane: &plane, limit: plane.limit(loaded), taps, cells }.for_each_group(
+        |group| (group.offsets, group.weights()),
+        |positions, &weights, cells| {
+            if CHANNELS == 1 {
+                blend_one_u16(&plane, positions, weights, cells);
+            } else {
+                blend_colour_u16::<CHANNELS>(&plane, positions, weights, cells);
+            }
+        },
+        |taps, cells| scalar(source, taps, cells),
+    );
 }
 
 /// Eight cells of one channel. Every position must allow loads of 16 bytes, there and one row below.
 #[inline]
 #[target_feature(enable = "avx2")]
-fn blend_one_u16<const STRIDED: bool>(
-    plane: &Plane<'_>,
-    taps: &[Tap; CELLS],
-    positions: __m256i,
-    weights: (__m256, __m256),
-    cells: &mut [u16],
-) {
+fn blend_one_u16(plane: &Plane<'_>, at: &[u32; CELLS], weights: (__m256, __m256), cells: &mut [u16]) {
     assert_eq!(cells.len(), CELLS);
     // a lane of either row is the left pixel in its low and the right pixel in its high half
-    let (_, distances) = half_windows(positions);
-    let (top, bottom) = if all_within(distances, 12) {
-        let ends = scalars::<2, STRIDED, 4>(plane, taps, positions, [0, 3, 4, 7]);
-        let (low, high) = (rows_at(plane, ends[0].min(ends[1])), rows_at(plane, ends[2].min(ends[3])));
+    let (top, bottom) = if let Some(distances) = distances_within(vector(at), 16 - 4) {
+        let (low, high) = lowest(at);
+        let (low, high) = (rows_at(plane, low), rows_at(plane, high));
         // SAFETY: both are positions of taps; the caller's promise.
         let (top, bottom) =
             unsafe { (load_halves(low.0.cast(), high.0.cast()), load_halves(low.1.cast(), high.1.cast())) };
@@ -296,9 +270,8 @@ fn blend_one_u16<const STRIDED: bool>(
         let pick = _mm256_add_epi8(_mm256_shuffle_epi8(distances, spread), _mm256_set1_epi32(0x0302_0100));
         (_mm256_shuffle_epi8(top, pick), _mm256_shuffle_epi8(bottom, pick))
     } else {
-        let at = scalars::<2, STRIDED, CELLS>(plane, taps, positions, ALL);
         let pairs = |row: isize| {
-            let at = |cell: usize| plane.start().wrapping_offset(row).wrapping_add(at[cell]);
+            let at = |cell: usize| plane.start().wrapping_offset(row).wrapping_add(at[cell] as usize);
             // SAFETY: the caller's promise.
             let two =
                 |a: usize| unsafe { _mm_unpacklo_epi32(_mm_loadu_si32(at(a)), _mm_loadu_si128(at(a + 1).cast())) };
@@ -320,7 +293,7 @@ fn blend_one_u16<const STRIDED: bool>(
 #[target_feature(enable = "avx2")]
 fn blend_colour_u16<const CHANNELS: usize>(
     plane: &Plane<'_>,
-    at: [usize; CELLS],
+    at: &[u32; CELLS],
     weights: (__m256, __m256),
     cells: &mut [u16],
 ) {
@@ -387,12 +360,10 @@ fn blend_colour_u16<const CHANNELS: usize>(
 #[target_feature(enable = "avx2")]
 pub(in crate::warp::kernels) fn bilinear_u16_any(source: &Source<'_, u16>, taps: &[Tap], cells: &mut [u16]) {
     let channels = source.channels();
+    let scalar = scalar::bilinear::<u16, 0, false>;
     let plane = Plane::new(source).filter(|_| taps.len() >= CELLS && channels >= 4);
-    let Some(plane) = plane else { return scalar::bilinear::<u16, 0, false>(source, taps, cells) };
-    for_each_group(taps, cells, channels, |taps, cells| {
-        let group = Group::load(taps);
-        let at = scalars::<0, true, CELLS>(&plane, taps, positions::<0, true>(&plane, group.offsets), ALL);
-        let (x, y) = weight_lanes(&group);
+    let Some(plane) = plane else { return scalar(source, taps, cells) };
+    let fill = |at: &[u32; CELLS], (x, y): &([f32; CELLS], [f32; CELLS]), cells: &mut [u16]| {
         for (cell, out) in cells.chunks_exact_mut(channels).enumerate() {
             let ((top, bottom), out) = (rows_at(&plane, at[cell]), out.as_mut_ptr());
             let (top, bottom) = (top.cast::<u16>(), bottom.cast::<u16>());
@@ -419,5 +390,8 @@ pub(in crate::warp::kernels) fn bilinear_u16_any(source: &Source<'_, u16>, taps:
             };
             for_each_chunk(channels, eight, four);
         }
-    });
+    };
+    let prepare = |group: &Group| (group.offsets, weight_lanes(group));
+    let rest = |taps: &[Tap], cells: &mut [u16]| scalar(source, taps, cells);
+    Run::<_, 0> { plane: &plane, limit: i32::MAX, taps, cells }.for_each_group(prepare, fill, rest);
 }
