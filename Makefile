@@ -81,9 +81,9 @@ demo: $(INSTALLED) ## Build, then render a synthetic road and its bird's-eye vie
 
 # ---------------------------------------------------------------- checks
 
-.PHONY: test lint typecheck test-rust test-python examples snippets bench-smoke
+.PHONY: test lint typecheck test-rust verify-simd test-python examples snippets bench-smoke
 # pytest comes last: its summary is the closing line.
-test: lint typecheck test-rust docs examples snippets bench-smoke test-python ## Everything that must pass before a commit
+test: lint typecheck test-rust verify-simd docs examples snippets bench-smoke test-python ## Everything that must pass before a commit
 
 lint: $(DEV) ## Formatting and lints of Rust and Python
 	$(CARGO) fmt --check
@@ -100,6 +100,9 @@ typecheck: $(DEV) $(INSTALLED) ## mypy over the Python sources, and the stubs ag
 # extension module leaves to the interpreter that loads it; the binding is tested from Python instead.
 test-rust: ## Rust unit, integration, property and documentation tests
 	$(CARGO) test $(LOCKED)
+
+verify-simd: $(WHEEL) ## Disassemble the wheel: every kernel has its instructions, everything else runs on any CPU
+	$(PY) -W error scripts/verify_simd.py dist/ipm_rs-*.whl
 
 test-python: $(DEV) $(INSTALLED) ## pytest against the installed wheel
 	$(PY) -W error scripts/smoke.py
