@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import ipm_rs
-from jobs import RESOLUTION, Job, Scene, X, Y
+from jobs import JOBS, Job, Scene, X, Y
 
 Call = Callable[[], NDArray[np.generic]]
 Adapter = Callable[[Scene, Job, NDArray[np.generic], int], Call | None]
@@ -47,6 +47,21 @@ def _cv2_flag(job: Job) -> int:
 def ipm(scene: Scene, job: Job, image: NDArray[np.generic], threads: int) -> Call:
     out = _out(scene, job)
     return lambda: scene.lut.warp(image, interpolation=job.interpolation, out=out, threads=threads)
+
+
+def ipm_remap(scene: Scene, job: Job, image: NDArray[np.generic], threads: int) -> Call | None:
+    if not hasattr(ipm_rs, "remap"):
+        return None
+    map_x, map_y = scene.maps
+    options = {"interpolation": job.interpolation, "out": _out(scene, job), "threads": threads}
+    return lambda: ipm_rs.remap(image, map_x, map_y, **options)
+
+
+def ipm_warp_perspective(scene: Scene, job: Job, image: NDArray[np.generic], threads: int) -> Call | None:
+    if not hasattr(ipm_rs, "warp_perspective"):
+        return None
+    options = {"interpolation": job.interpolation, "out": _out(scene, job), "threads": threads}
+    return lambda: ipm_rs.warp_perspective(image, scene.homography, _dsize(scene), inverse_map=True, **options)
 
 
 def cv2_remap(scene: Scene, job: Job, image: NDArray[np.generic], threads: int) -> Call:
@@ -89,14 +104,16 @@ def torch_grid_sample(scene: Scene, job: Job, image: NDArray[np.generic], thread
     if torch is None or job.dtype != "float32":
         return None
     torch.set_num_threads(threads)
-    source = torch.from_numpy(np.ascontiguousarray(image.transpose(2, 0, 1)))[None]
+    planes = image.reshape(*image.shape[:2], job.channels).transpose(2, 0, 1)
+    source = torch.from_numpy(np.ascontiguousarray(planes))[None]
     size = np.array(scene.source_size, dtype=np.float64)
     normalised = 2 * np.stack(scene.uv, axis=-1) / (size - 1) - 1
     grid = torch.from_numpy(normalised.astype(np.float32))[None]
     sample = torch.nn.functional.grid_sample
     options = {"mode": job.interpolation, "padding_mode": "zeros", "align_corners": True}
     # The result stays in (channels, rows, columns) while it is timed; the transposed view costs nothing.
-    return lambda: sample(source, grid, **options)[0].permute(1, 2, 0).numpy()
+    shape = (*scene.shape, *job.shape_suffix)
+    return lambda: sample(source, grid, **options)[0].permute(1, 2, 0).numpy().reshape(shape)
 
 
 def scipy_map_coordinates(scene: Scene, job: Job, image: NDArray[np.generic], threads: int) -> Call | None:
@@ -142,8 +159,11 @@ def pillow_transform(scene: Scene, job: Job, image: NDArray[np.generic], threads
 
 
 OURS = "ipm_rs"
+OURS_REMAP, OURS_PERSPECTIVE = "ipm_rs remap, no table", "ipm_rs warp_perspective, no table"
 WARPS: dict[str, Adapter] = {
     OURS: ipm,
+    OURS_REMAP: ipm_remap,
+    OURS_PERSPECTIVE: ipm_warp_perspective,
     "OpenCV remap, float32 maps": cv2_remap,
     "OpenCV remap, CV_16SC2 maps": cv2_remap_fixed,
     "OpenCV warpPerspective": cv2_warp_perspective,
@@ -177,7 +197,7 @@ def build_numpy(scene: Scene, threads: int) -> Build | None:
     camera, reference = scene.camera, ipm_rs.reference
 
     def call() -> tuple[NDArray[np.generic], NDArray[np.generic]]:
-        xy = reference.grid_xy(X, Y, RESOLUTION, "corner")
+        xy = reference.grid_xy(X, Y, scene.resolution, "corner")
         return reference.maps(camera.intrinsics, camera.camera_from_vehicle, camera.image_size, xy)
 
     return call
@@ -206,6 +226,17 @@ def build_cv2_rectify(scene: Scene, threads: int) -> Build:
     return call
 
 
+def build_cv2_warp(scene: Scene, threads: int) -> Build:
+    """No build: one warp of uint8 x 3 that needs none, to show what a build may cost."""
+    job = JOBS[0]
+    warp = cv2_warp_perspective(scene, job, scene.image(job), threads)
+
+    def call() -> None:
+        warp()
+
+    return call
+
+
 def build_cv2_homography(scene: Scene, threads: int) -> Build:
     rows, columns = scene.shape
     cells = np.array([[0, 0], [columns - 1, 0], [columns - 1, rows - 1], [0, rows - 1]], np.float32)
@@ -219,8 +250,31 @@ def build_cv2_homography(scene: Scene, threads: int) -> Build:
 
 BUILDS = {
     OURS: build_ipm,
+    "OpenCV warpPerspective of one frame": build_cv2_warp,
     "OpenCV initUndistortRectifyMap": build_cv2_rectify,
     "OpenCV perspectiveTransform of the cells": build_cv2_perspective,
     "OpenCV getPerspectiveTransform (no table)": build_cv2_homography,
     "NumPy, ipm_rs.reference": build_numpy,
+}
+
+# ---------------------------------------------------------------- a new pose for every frame
+# From a pose to a bird's-eye view of uint8 x 3: what a table costs that is used once, and the ways without one.
+
+
+def frame_ipm(scene: Scene, job: Job, image: NDArray[np.generic], threads: int) -> Call:
+    ipm_rs.set_num_threads(threads)
+    out = _out(scene, job)
+    return lambda: ipm_rs.Lut(scene.camera, scene.grid).warp(image, out=out)
+
+
+def frame_cv2_rectify(scene: Scene, job: Job, image: NDArray[np.generic], threads: int) -> Call:
+    maps, flag, out = build_cv2_rectify(scene, threads), _cv2_flag(job), _out(scene, job)
+    return lambda: cv2.remap(image, *maps(), flag, dst=out)
+
+
+FRAMES: dict[str, Adapter] = {
+    OURS: frame_ipm,
+    OURS_PERSPECTIVE: ipm_warp_perspective,
+    "OpenCV warpPerspective": cv2_warp_perspective,
+    "OpenCV initUndistortRectifyMap and remap": frame_cv2_rectify,
 }

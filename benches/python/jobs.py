@@ -1,7 +1,8 @@
-"""What is measured: one real geometry, one textured image, six jobs, and the exact answer to each.
+"""What is measured: one real geometry in three sizes, textured images, the jobs, and the exact answer to each.
 
 The geometry is the "seed job": a Cityscapes camera (2048 x 1024) and the road from 7 to 50 m ahead and 10 m to either
-side, in 860 x 800 cells of 5 x 2.5 cm sampled at their corners.
+side, in 860 x 800 cells of 5 x 2.5 cm sampled at their corners. The same view is there as 2000 x 2000 cells from a
+camera of 3840 x 2160, and as 64 x 64 cells from 64 x 64 pixels.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ CALIBRATION = {
     "extrinsic": {"x": 1.7, "y": 0.02624, "z": 1.2124, "roll": 0.0, "pitch": 0.0384256, "yaw": -0.0097268},
     "intrinsic": {"fx": 2263.54773399985, "fy": 2250.3728170599807, "u0": 1079.0175620000632, "v0": 515.006600600019},
 }
-X, Y, RESOLUTION = (7, 50), (-10, 10), (0.05, 0.025)
+X, Y = (7, 50), (-10, 10)
 
 
 @dataclass(frozen=True)
@@ -30,6 +31,7 @@ class Job:
     channels: int
     interpolation: str
     tolerance: float  # bilinear: largest difference, in units of the image; nearest: largest share of other pixels
+    scene: str = "seed"
 
     @property
     def shape_suffix(self) -> tuple[int, ...]:
@@ -41,9 +43,14 @@ JOBS = (
     Job("uint8 x 3, bilinear", "uint8", 3, "bilinear", 1.0),
     Job("uint8 x 1, bilinear", "uint8", 1, "bilinear", 1.0),
     Job("uint16 x 1, bilinear", "uint16", 1, "bilinear", 64.0),
+    Job("uint16 x 3, bilinear", "uint16", 3, "bilinear", 64.0),
+    Job("float32 x 1, bilinear", "float32", 1, "bilinear", 0.25),
     Job("float32 x 3, bilinear", "float32", 3, "bilinear", 0.25),
+    Job("float32 x 16, bilinear", "float32", 16, "bilinear", 0.25),
     Job("uint8 x 3, nearest", "uint8", 3, "nearest", 0.001),
     Job("uint8 x 1, nearest", "uint8", 1, "nearest", 0.001),
+    Job("uint8 x 3, bilinear, 3840 x 2160 to 2000 x 2000", "uint8", 3, "bilinear", 1.0, "large"),
+    Job("uint8 x 3, bilinear, 64 x 64 to 64 x 64", "uint8", 3, "bilinear", 1.0, "small"),
 )
 """Images span 0..255, uint16 spans 0..65535, so the bilinear tolerances are 1, 1, 1/4 and 1/4 of a grey level in 256.
 
@@ -55,9 +62,17 @@ for coordinates in steps of 1/32 px. Under nearest, the same coordinates may fli
 class Scene:
     """Camera, grid and coordinates, in every form that some library wants. Nothing here is timed."""
 
-    def __init__(self) -> None:
-        self.camera = ipm_rs.Camera.from_cityscapes(CALIBRATION)
-        self.grid = ipm_rs.BevGrid(x=X, y=Y, resolution=RESOLUTION, sample_at="corner")
+    def __init__(self, name: str = "seed") -> None:
+        camera = ipm_rs.Camera.from_cityscapes(CALIBRATION)
+        if name == "large":
+            intrinsics = np.diag([1.875, 1.875, 1.0]) @ camera.intrinsics
+            camera = ipm_rs.Camera(intrinsics, image_size=(3840, 2160), camera_from_vehicle=camera.camera_from_vehicle)
+        elif name == "small":
+            camera = camera.resized(64, 64)
+        rows, columns = {"seed": (860, 800), "large": (2000, 2000), "small": (64, 64)}[name]
+        self.camera = camera
+        self.resolution = ((X[1] - X[0]) / rows, (Y[1] - Y[0]) / columns)
+        self.grid = ipm_rs.BevGrid(x=X, y=Y, resolution=self.resolution, sample_at="corner")
         self.lut = ipm_rs.Lut(self.camera, self.grid)
 
     @property
@@ -73,7 +88,7 @@ class Scene:
     @cached_property
     def homography(self) -> NDArray[np.float64]:
         """Output pixel (column, row, 1) -> source pixel, scaled so that the last entry is 1."""
-        (x_max, y_max), (dx, dy) = (X[1], Y[1]), RESOLUTION
+        (x_max, y_max), (dx, dy) = (X[1], Y[1]), self.resolution
         ground_from_cell = np.array([[0.0, -dx, x_max], [-dy, 0.0, y_max], [0.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
         matrix = self.camera.intrinsics @ self.camera.camera_from_vehicle[:3] @ ground_from_cell
         return matrix / matrix[2, 2]

@@ -18,17 +18,27 @@ from typing import Any
 
 import cv2
 
-from adapters import BUILDS, OURS, WARPS
+import cells
+import ipm_rs
+import threads as python_threads
+from adapters import BUILDS, FRAMES, OURS, WARPS, Adapter
 from jobs import JOBS, Job, Scene
 from report import environment, page
 from timing import interleaved
 
+OTHER_ISAS = ("avx2",)
+"""Instruction sets to measure besides the best, where this machine has them."""
 
-def measure_warps(scene: Scene, job: Job, threads: int, rounds: int, seconds: float) -> dict[str, Any]:
-    """Check and time every library that can do the job."""
+
+def measure_warps(
+    scene: Scene, job: Job, threads: int, rounds: int, seconds: float, adapters: dict[str, Adapter] = WARPS
+) -> dict[str, Any]:
+    """Check and time every library that can do the job; all of them on the seed job alone."""
     image = scene.image(job)
     exact = scene.exact(job, image)
-    calls = {name: call for name, adapter in WARPS.items() if (call := adapter(scene, job, image, threads))}
+    if job.scene != "seed":
+        adapters = {name: adapter for name, adapter in adapters.items() if name.startswith((OURS, "OpenCV"))}
+    calls = {name: call for name, adapter in adapters.items() if (call := adapter(scene, job, image, threads))}
     rows: dict[str, Any] = {}
     for name, call in calls.items():
         error = scene.error(job, exact, call())
@@ -53,26 +63,39 @@ def measure_builds(scene: Scene, threads: int, rounds: int, seconds: float) -> d
     return {name: times.as_dict() for name, times in interleaved(calls, rounds, seconds).items()}
 
 
-def measure(threads: int, rounds: int, seconds: float) -> dict[str, Any]:
-    """Measure everything with one number of threads."""
+def measure(threads: int, only: str | None, rounds: int, seconds: float) -> dict[str, Any]:
+    """Measure everything with one number of threads, or only the warps whose name begins so."""
     cv2.setNumThreads(threads)
-    scene = Scene()
+    scenes = {name: Scene(name) for name in ("seed", "large", "small")}
     warps = {}
     for job in JOBS:
-        print(f"{job.name}, threads {threads}", file=sys.stderr, flush=True)
-        warps[job.name] = measure_warps(scene, job, threads, rounds, seconds)
-    builds = measure_builds(scene, threads, rounds, seconds)
-    return {"warps": warps, "builds": builds, "coverage": float(scene.lut.mask.mean()), "environment": environment()}
+        if only is None or job.name.startswith(only):
+            print(f"{job.name}, threads {threads}, {ipm_rs.cpu_info()['isa']}", file=sys.stderr, flush=True)
+            warps[job.name] = measure_warps(scenes[job.scene], job, threads, rounds, seconds)
+    result = {"warps": warps}
+    if only is None:
+        seed = scenes["seed"]
+        result["builds"] = measure_builds(seed, threads, rounds, seconds)
+        result["frames"] = measure_warps(seed, JOBS[0], threads, rounds, seconds, FRAMES)
+        result["coverage"] = float(seed.lut.mask.mean())
+        result["environment"] = environment()
+        if threads == 1:
+            result["cells"] = cells.measure(min(rounds, 30), seconds)
+            result["python_threads"] = python_threads.measure(seconds / 4)
+    return result
 
 
-def in_child(threads: int, arguments: argparse.Namespace) -> dict[str, Any]:
+def in_child(threads: int, arguments: argparse.Namespace, isa: str | None = None) -> dict[str, Any]:
     """Measure in a new process: some libraries read their number of threads from the environment, once."""
     with tempfile.TemporaryDirectory() as folder:
         result = Path(folder, "result.json")
         names = ("RAYON_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-        variables = os.environ | dict.fromkeys(names, str(threads))
+        variables = os.environ | dict.fromkeys(names, str(threads)) | {"IPM_RS_NUM_THREADS": str(threads)}
         command = [sys.executable, __file__, "--child", str(threads), "--result", str(result)]
-        command += ["--quick"] if arguments.quick else []
+        command += ["--quick"] if arguments.quick else ["--seconds", str(arguments.seconds)]
+        if isa:
+            variables["IPM_RS_ISA"] = isa
+            command += ["--only", "uint8"]
         subprocess.run(command, check=True, env=variables)
         return json.loads(result.read_text())
 
@@ -82,13 +105,15 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Compare ipm_rs with other libraries: answers first, then times.")
     parser.add_argument("--threads", type=int, nargs="+", default=[1, 2], help="numbers of threads (default: 1 2)")
     parser.add_argument("--quick", action="store_true", help="a few rounds only; the times mean little")
+    parser.add_argument("--seconds", type=float, default=2.0, help="at most so long for each call (default: 2)")
     parser.add_argument("--write", type=Path, metavar="FILE", help="write the page of results here")
     parser.add_argument("--child", type=int, help=argparse.SUPPRESS)
+    parser.add_argument("--only", help=argparse.SUPPRESS)
     parser.add_argument("--result", type=Path, help=argparse.SUPPRESS)
     arguments = parser.parse_args()
     if arguments.child:
-        rounds, seconds = (1, 0.0) if arguments.quick else (100, 2.0)
-        arguments.result.write_text(json.dumps(measure(arguments.child, rounds, seconds)))
+        rounds, seconds = (1, 0.0) if arguments.quick else (100, arguments.seconds)
+        arguments.result.write_text(json.dumps(measure(arguments.child, arguments.only, rounds, seconds)))
         return
     if arguments.quick and arguments.write:
         parser.error("--quick measures too little to be written down; leave out one of --quick and --write")
@@ -101,7 +126,14 @@ def main() -> None:
         "environment": [*first["environment"], f"* load average {load:.1f} when the measurement began"],
         "warps": {threads: run["warps"] for threads, run in runs.items()},
         "builds": {threads: run["builds"] for threads, run in runs.items()},
+        "frames": {threads: run["frames"] for threads, run in runs.items()},
+        "cells": next((run["cells"] for run in runs.values() if "cells" in run), []),
+        "python_threads": next((run["python_threads"] for run in runs.values() if "python_threads" in run), {}),
+        "isas": {},
     }
+    for isa in OTHER_ISAS:
+        if isa in ipm_rs.cpu_info()["available_isas"] and isa != ipm_rs.cpu_info()["isa"]:
+            results["isas"][isa] = in_child(1, arguments, isa)["warps"]
     text = page(results)
     if arguments.quick:
         rows = [row for jobs in results["warps"].values() for job in jobs.values() for row in job.values()]

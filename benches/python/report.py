@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import ipm_rs
-from adapters import OURS
+from adapters import OURS, OURS_PERSPECTIVE, OURS_REMAP
 
 PACKAGES = (
     "numpy",
@@ -23,6 +23,28 @@ PACKAGES = (
     "scikit-image",
     "scipy",
 )
+
+BOUNDS = {
+    ("uint8 x 3, bilinear", "1"): 5.5,
+    ("uint8 x 3, bilinear", "2"): 5.0,
+    ("uint8 x 3, bilinear; avx2", "1"): 3.5,
+    ("uint8 x 1, bilinear", "1"): 2.5,
+    ("uint16 x 1, bilinear", "1"): 2.0,
+    ("uint16 x 3, bilinear", "1"): 2.0,
+    ("float32 x 3, bilinear", "1"): 2.0,
+    ("float32 x 16, bilinear", "1"): 3.0,
+    ("float32 x 1, bilinear", "1"): 1.2,
+    ("uint8 x 3, nearest", "1"): 3.0,
+    ("uint8 x 1, nearest", "1"): 1.5,
+    ("uint8 x 3, bilinear, 3840 x 2160 to 2000 x 2000", "1"): 4.0,
+    ("uint8 x 3, bilinear, 3840 x 2160 to 2000 x 2000", "2"): 3.5,
+    ("uint8 x 3, bilinear, 64 x 64 to 64 x 64", "1"): 1.0,
+    ("uint8 x 3, bilinear; warp_perspective, no table", "1"): 2.0,
+    ("uint8 x 3, bilinear; remap, no table", "1"): 2.0,
+    ("table of the seed job", "1"): 1 / 0.5,
+    ("a new pose for every frame: table and warp", "1"): 1 / 0.7,
+}
+"""What this version must reach on a CPU with AVX-512: how many times faster than OpenCV."""
 
 HEAD = """\
 # Benchmarks
@@ -75,13 +97,26 @@ def page(results: dict[str, Any]) -> str:
     """Render the whole page."""
     parts = [HEAD.format(coverage=results["coverage"], environment="\n".join(results["environment"]))]
     parts.append("## ipm_rs and the fastest OpenCV variant that gives the right answer\n\n")
-    parts.append("Medians. A ratio above 1 means that ipm_rs is faster; where it is slower the ratio is bold.\n\n")
-    parts.append(_table(["job", "threads", "ipm_rs, ms", "OpenCV, ms", "ratio", "which"], _summary(results)))
+    parts.append(
+        "Medians. A ratio above 1 means that ipm_rs is faster; where it is slower the ratio is bold. *At least* is\n"
+        "what this version set out to reach with AVX-512; ratios below it are marked. *To any* is the ratio to the\n"
+        "fastest variant of OpenCV, whether or not its answer is right. Where OpenCV has no right answer, another\n"
+        "library stands in.\n\n"
+    )
+    header = ["job", "threads", "ipm_rs, ms", "OpenCV, ms", "ratio", "at least", "which", "to any"]
+    parts.append(_table(header, _summary(results)))
     for threads, jobs in results["warps"].items():
         for job, rows in jobs.items():
             parts.append(f"\n## {job}, {_threads(threads)}\n\n")
             header = ["", "median, ms", "min", "p95", "ratio", "error", "agrees"]
             parts.append(_table(header, _details(rows)))
+    for isa, jobs in results["isas"].items():
+        for job, rows in jobs.items():
+            parts.append(f"\n## {job}, one thread, ipm_rs held to {isa}\n\n")
+            parts.append(_table(["", "median, ms", "min", "p95", "ratio", "error", "agrees"], _details(rows)))
+    for threads, rows in results["frames"].items():
+        parts.append(f"\n## A new pose for every frame, uint8 x 3, bilinear, {_threads(threads)}\n\n")
+        parts.append(_table(["", "median, ms", "min", "p95", "ratio", "error", "agrees"], _details(rows)))
     for threads, rows in results["builds"].items():
         parts.append(f"\n## From calibration to table, {_threads(threads)}\n\n")
         parts.append(_table(["", "median, ms", "min", "p95", "ratio"], [row[:5] for row in _details(rows)]))
@@ -90,19 +125,65 @@ def page(results: dict[str, Any]) -> str:
         "\nthe front of the camera ends, except the NumPy reference. `getPerspectiveTransform` solves for nine numbers"
         "\nfrom four points, after which OpenCV computes every coordinate again in each `warpPerspective`.\n\n"
     )
+    parts += _cells(results["cells"]) + _python_threads(results["python_threads"])
     return "".join(parts) + METHOD
+
+
+def _cells(rows: list[list[Any]]) -> list[str]:
+    if not rows:
+        return []
+    text = (
+        "\n## Time per valid cell, uint8 x 3, bilinear, one thread\n\n"
+        "Square grids from 10 m to 50 m ahead: more and more cells, then less and less of the image's width.\n\n"
+    )
+    lines = [[name, f"{time:.3f}", f"{per_cell:.2f}"] for name, time, per_cell in rows]
+    spread = max(row[2] for row in rows) / min(row[2] for row in rows)
+    return [
+        text,
+        _table(["", "median, ms", "ns per valid cell"], lines),
+        f"\nThe dearest valid cell takes {spread:.2f} times as long as the cheapest.\n",
+    ]
+
+
+def _python_threads(rows: dict[str, list[float]]) -> list[str]:
+    if not rows:
+        return []
+    text = "\n## Two Python threads at once, uint8 x 3, bilinear, each call on one thread\n\n"
+    lines = [[name, f"{one:.0f}", f"{two:.0f}", f"{best:.2f}"] for name, (one, two, best) in rows.items()]
+    return [text, _table(["", "one, calls/s", "two, calls/s", "best ratio of five runs"], lines), "\n"]
 
 
 def _summary(results: dict[str, Any]) -> list[list[str]]:
     lines = []
     for threads, jobs in results["warps"].items():
         for job, rows in jobs.items():
-            rivals = {name: row for name, row in rows.items() if name.startswith("OpenCV") and row["agrees"]}
-            ours = rows[OURS]["median"]
-            name = min(rivals, key=lambda name: rivals[name]["median"])
-            theirs = rivals[name]["median"]
-            lines.append([job, threads, f"{ours:.2f}", f"{theirs:.2f}", _ratio(theirs, ours), name.split(" ", 1)[1]])
+            lines.append(_line(job, threads, rows, OURS))
+            if job == "uint8 x 3, bilinear":
+                for ours in (OURS_REMAP, OURS_PERSPECTIVE):
+                    if ours in rows:
+                        lines.append(_line(f"{job}; {ours.split(' ', 1)[1]}", threads, rows, ours))
+    for isa, jobs in results["isas"].items():
+        lines += [_line(f"{job}; {isa}", "1", rows, OURS) for job, rows in jobs.items()]
+    for threads, rows in results["builds"].items():
+        name = "OpenCV warpPerspective of one frame"
+        one_warp = {OURS: rows[OURS], name: rows[name] | {"agrees": True}}
+        lines.append(_line("table of the seed job", threads, one_warp, OURS))
+    for threads, rows in results["frames"].items():
+        lines.append(_line("a new pose for every frame: table and warp", threads, rows, OURS))
     return lines
+
+
+def _line(job: str, threads: str, rows: dict[str, Any], ours: str) -> list[str]:
+    times = {name: row["median"] for name, row in rows.items() if not name.startswith(OURS)}
+    opencv = [name for name in times if name.startswith("OpenCV")]
+    right = [name for name in times if rows[name]["agrees"] and "reference" not in name]
+    name = min(set(opencv) & set(right) or right or opencv, key=times.__getitem__)
+    which = name.removeprefix("OpenCV ") + ("" if name in right else ", wrong")
+    mine, theirs = rows[ours]["median"], times[name]
+    bound = BOUNDS.get((job, threads))
+    shown = "" if bound is None else f"{bound:.1f}" + ("" if theirs / mine >= bound else ", **missed**")
+    numbers = [f"{mine:.3g}", f"{theirs:.3g}", _ratio(theirs, mine), shown]
+    return [job, threads, *numbers, which, _ratio(min(times[name] for name in opencv), mine)]
 
 
 def _details(rows: dict[str, Any]) -> list[list[str]]:
