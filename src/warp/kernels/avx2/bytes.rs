@@ -13,7 +13,9 @@
 
 use std::arch::x86_64::*;
 
-use super::{CELLS, Group, Run, distances_within, for_each_chunk, lanes, load_halves, lowest, opaque, rows_at, vector};
+use super::{
+    ALL, CELLS, Cells, Group, Run, distances_within, for_each_chunk, lanes, load_halves, opaque, rows_at, vector,
+};
 use crate::lut::table::Tap;
 use crate::warp::kernels::plane::Plane;
 use crate::warp::kernels::{Source, scalar};
@@ -31,10 +33,21 @@ pub(in crate::warp::kernels) fn bilinear_u8<const CHANNELS: usize>(
     taps: &[Tap],
     cells: &mut [u8],
 ) {
+    if CHANNELS == 1 {
+        blend_run::<CHANNELS, 1>(source, taps, cells);
+    } else {
+        blend_run::<CHANNELS, 8>(source, taps, cells);
+    }
+}
+
+/// Blends a run in blocks of so many groups.
+#[inline]
+#[target_feature(enable = "avx2")]
+fn blend_run<const CHANNELS: usize, const GROUPS: usize>(source: &Source<'_, u8>, taps: &[Tap], cells: &mut [u8]) {
     let scalar = scalar::bilinear::<u8, CHANNELS, false>;
     let plane = Plane::new(source).filter(|_| taps.len() >= CELLS);
     let Some(plane) = plane else { return scalar(source, taps, cells) };
-    Run::<_, CHANNELS> { plane: &plane, limit: plane.limit(LOADED), taps, cells }.for_each_group(
+    Run::<_, CHANNELS, GROUPS> { plane: &plane, limit: plane.limit(LOADED), taps, cells }.for_each_group(
         |group| (group.offsets, Weights::new(group.fractions)),
         |positions, weights, cells| {
             if CHANNELS == 1 {
@@ -105,7 +118,7 @@ fn round_pairs(a: __m256i, b: __m256i) -> __m256i {
 /// Eight cells of 3 or 4 channels, four lanes to a cell.
 #[inline]
 #[target_feature(enable = "avx2")]
-fn blend_colour<const CHANNELS: usize>(plane: &Plane<'_>, at: &[u32; CELLS], weights: &Weights, cells: &mut [u8]) {
+fn blend_colour<const CHANNELS: usize>(plane: &Plane<'_>, at: &Cells<'_>, weights: &Weights, cells: &mut [u8]) {
     assert_eq!(cells.len(), CELLS * CHANNELS);
     // right and left pixel of each channel as 16-bit numbers; -1 is zero
     #[rustfmt::skip]
@@ -116,7 +129,8 @@ fn blend_colour<const CHANNELS: usize>(plane: &Plane<'_>, at: &[u32; CELLS], wei
     };
     let spread = _mm256_broadcastsi128_si256(spread);
     let sums = |cell: usize, weights: Weights| {
-        let ((top, bottom), (other_top, other_bottom)) = (rows_at(plane, at[cell]), rows_at(plane, at[cell + 4]));
+        let ((top, bottom), (other_top, other_bottom)) =
+            (rows_at(plane, at.position(cell)), rows_at(plane, at.position(cell + 4)));
         // SAFETY: the caller checked every position against `Plane::limit(LOADED)`: 16 bytes exist from there on, in
         // this row and one row below.
         let (top, bottom) =
@@ -149,9 +163,9 @@ fn blend_colour<const CHANNELS: usize>(plane: &Plane<'_>, at: &[u32; CELLS], wei
 /// Eight cells of one channel, a lane to a cell.
 #[inline]
 #[target_feature(enable = "avx2")]
-fn blend_gray(plane: &Plane<'_>, at: &[u32; CELLS], weights: &Weights, cells: &mut [u8]) {
-    let sums = if let Some(distances) = distances_within(vector(at), LOADED as i32 - 2) {
-        let (low, high) = lowest(at);
+fn blend_gray(plane: &Plane<'_>, at: &Cells<'_>, weights: &Weights, cells: &mut [u8]) {
+    let sums = if let Some(distances) = distances_within(vector(at.positions), LOADED as i32 - 2) {
+        let (low, high) = at.lowest::<1>(plane);
         let (low, high) = (rows_at(plane, low), rows_at(plane, high));
         // SAFETY: both are positions of taps, which the caller checked against `Plane::limit(LOADED)`: 16 bytes exist
         // from there on, in this row and one row below.
@@ -171,7 +185,8 @@ fn blend_gray(plane: &Plane<'_>, at: &[u32; CELLS], weights: &Weights, cells: &m
 /// The sums of eight cells of one channel, whose pairs of pixels are loaded one by one.
 #[inline]
 #[target_feature(enable = "avx2")]
-fn gather_pairs(plane: &Plane<'_>, at: &[u32; CELLS], weights: &Weights) -> __m256i {
+fn gather_pairs(plane: &Plane<'_>, at: &Cells<'_>, weights: &Weights) -> __m256i {
+    let at = at.early_positions::<1, CELLS>(plane, ALL);
     let cell = |cell: usize| {
         let (top, bottom) = rows_at(plane, at[cell]);
         // SAFETY: the caller's positions were checked against `Plane::limit(LOADED)`, of which these are the first four
@@ -217,9 +232,9 @@ pub(in crate::warp::kernels) fn bilinear_u8_any(source: &Source<'_, u8>, taps: &
         let weights = Weights::new(group.fractions);
         (group.offsets, (lanes(weights.top), lanes(weights.bottom)))
     };
-    let fill = |at: &[u32; CELLS], (top_weights, bottom_weights): &([u32; CELLS], [u32; CELLS]), cells: &mut [u8]| {
+    let fill = |at: &Cells<'_>, (top_weights, bottom_weights): &([u32; CELLS], [u32; CELLS]), cells: &mut [u8]| {
         for (cell, out) in cells.chunks_exact_mut(channels).enumerate() {
-            let ((top, bottom), out) = (rows_at(&plane, at[cell]), out.as_mut_ptr());
+            let ((top, bottom), out) = (rows_at(&plane, at.position(cell)), out.as_mut_ptr());
             let weights = Weights {
                 top: _mm256_set1_epi32(top_weights[cell] as i32),
                 bottom: _mm256_set1_epi32(bottom_weights[cell] as i32),
@@ -256,5 +271,5 @@ pub(in crate::warp::kernels) fn bilinear_u8_any(source: &Source<'_, u8>, taps: &
         }
     };
     let rest = |taps: &[Tap], cells: &mut [u8]| scalar(source, taps, cells);
-    Run::<_, 0> { plane: &plane, limit: i32::MAX, taps, cells }.for_each_group(prepare, fill, rest);
+    Run::<_, 0, 8> { plane: &plane, limit: i32::MAX, taps, cells }.for_each_group(prepare, fill, rest);
 }

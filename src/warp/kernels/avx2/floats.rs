@@ -7,7 +7,7 @@
 
 use std::arch::x86_64::*;
 
-use super::{CELLS, Group, Run, distances_within, for_each_chunk, load_halves, lowest, opaque, rows_at, vector};
+use super::{ALL, CELLS, Cells, Group, Run, distances_within, for_each_chunk, load_halves, opaque, rows_at, vector};
 use crate::lut::table::Tap;
 use crate::warp::kernels::plane::Plane;
 use crate::warp::kernels::{Source, scalar};
@@ -44,19 +44,20 @@ pub(in crate::warp::kernels) fn bilinear_f32<const CHANNELS: usize>(
     taps: &[Tap],
     cells: &mut [f32],
 ) {
-    // two pixels of each row, and where a pixel has 12 bytes 16 from the right one
-    let loaded = if CHANNELS == 3 { 28 } else { 8 * CHANNELS };
+    // 16 bytes from the right pixel where it has 12; otherwise just two pixels, which exist
+    let loaded = if CHANNELS == 3 { 28 } else { 0 };
     match CHANNELS {
-        1 => blend_run_f32::<1, 4>(source, loaded, taps, cells),
-        3 => blend_run_f32::<3, 12>(source, loaded, taps, cells),
-        _ => blend_run_f32::<4, 16>(source, loaded, taps, cells),
+        1 => blend_run_f32::<1, 4, 1>(source, loaded, taps, cells),
+        3 => blend_run_f32::<3, 12, 8>(source, loaded, taps, cells),
+        _ => blend_run_f32::<4, 16, 8>(source, loaded, taps, cells),
     }
 }
 
-/// Blends a run; `loaded` bytes are loaded from a position, there and one row below.
+/// Blends a run in blocks of so many groups; `loaded` bytes are loaded from a position, there and one row
+/// below (0: no more than a tap's pixels).
 #[inline]
 #[target_feature(enable = "avx2")]
-fn blend_run_f32<const CHANNELS: usize, const PIXEL: usize>(
+fn blend_run_f32<const CHANNELS: usize, const PIXEL: usize, const GROUPS: usize>(
     source: &Source<'_, f32>,
     loaded: usize,
     taps: &[Tap],
@@ -65,7 +66,8 @@ fn blend_run_f32<const CHANNELS: usize, const PIXEL: usize>(
     let scalar = scalar::bilinear::<f32, CHANNELS, false>;
     let plane = Plane::new(source).filter(|_| taps.len() >= CELLS);
     let Some(plane) = plane else { return scalar(source, taps, cells) };
-    Run::<_, PIXEL> { plane: &plane, limit: plane.limit(loaded), taps, cells }.for_each_group(
+    let limit = if loaded == 0 { i32::MAX } else { plane.limit(loaded) };
+    Run::<_, PIXEL, GROUPS> { plane: &plane, limit, taps, cells }.for_each_group(
         |group| (group.offsets, group.weights()),
         |positions, &weights, cells| {
             if CHANNELS == 1 {
@@ -81,10 +83,11 @@ fn blend_run_f32<const CHANNELS: usize, const PIXEL: usize>(
 /// Eight cells of one channel.
 #[inline]
 #[target_feature(enable = "avx2")]
-fn blend_one_f32(plane: &Plane<'_>, at: &[u32; CELLS], weights: (__m256, __m256), cells: &mut [f32]) {
+fn blend_one_f32(plane: &Plane<'_>, at: &Cells<'_>, weights: (__m256, __m256), cells: &mut [f32]) {
     assert_eq!(cells.len(), CELLS);
+    let at = at.early_positions::<4, CELLS>(plane, ALL);
     let pairs = |row: isize| {
-        let at = |cell: usize| plane.start().wrapping_offset(row).wrapping_add(at[cell] as usize);
+        let at = |cell: usize| plane.start().wrapping_offset(row).wrapping_add(at[cell]);
         // SAFETY: a tap of the table has two pixels, 8 bytes, in this row and in the one below.
         let two = |a: usize| unsafe { _mm_loadh_pd(_mm_load_sd(at(a).cast()), at(a + 1).cast()) };
         let four = |a: usize| _mm256_castpd_ps(_mm256_set_m128d(two(a + 4), two(a)));
@@ -102,7 +105,7 @@ fn blend_one_f32(plane: &Plane<'_>, at: &[u32; CELLS], weights: (__m256, __m256)
 #[target_feature(enable = "avx2")]
 fn blend_colour_f32<const CHANNELS: usize>(
     plane: &Plane<'_>,
-    at: &[u32; CELLS],
+    at: &Cells<'_>,
     weights: (__m256, __m256),
     cells: &mut [f32],
 ) {
@@ -114,7 +117,8 @@ fn blend_colour_f32<const CHANNELS: usize>(
             let halves = unsafe { load_halves(one.add(4 * channel).cast(), other.add(4 * channel).cast()) };
             _mm256_castsi256_ps(opaque(halves))
         };
-        let ((top, bottom), (other_top, other_bottom)) = (rows_at(plane, at[cell]), rows_at(plane, at[cell + 4]));
+        let ((top, bottom), (other_top, other_bottom)) =
+            (rows_at(plane, at.position(cell)), rows_at(plane, at.position(cell + 4)));
         let left = |one, other| pixels(one, other, 0);
         let right = |one, other| pixels(one, other, CHANNELS);
         blend(
@@ -159,9 +163,9 @@ pub(in crate::warp::kernels) fn bilinear_f32_any(source: &Source<'_, f32>, taps:
     let scalar = scalar::bilinear::<f32, 0, false>;
     let plane = Plane::new(source).filter(|_| taps.len() >= CELLS && channels >= 4);
     let Some(plane) = plane else { return scalar(source, taps, cells) };
-    let fill = |at: &[u32; CELLS], (x, y): &([f32; CELLS], [f32; CELLS]), cells: &mut [f32]| {
+    let fill = |at: &Cells<'_>, (x, y): &([f32; CELLS], [f32; CELLS]), cells: &mut [f32]| {
         for (cell, out) in cells.chunks_exact_mut(channels).enumerate() {
-            let ((top, bottom), out) = (rows_at(&plane, at[cell]), out.as_mut_ptr());
+            let ((top, bottom), out) = (rows_at(&plane, at.position(cell)), out.as_mut_ptr());
             let (top, bottom) = (top.cast::<f32>(), bottom.cast::<f32>());
             let weights = (_mm256_set1_ps(x[cell]), _mm256_set1_ps(y[cell]));
             let eight = |first: usize| {
@@ -186,7 +190,7 @@ pub(in crate::warp::kernels) fn bilinear_f32_any(source: &Source<'_, f32>, taps:
     };
     let prepare = |group: &Group| (group.offsets, weight_lanes(group));
     let rest = |taps: &[Tap], cells: &mut [f32]| scalar(source, taps, cells);
-    Run::<_, 0> { plane: &plane, limit: i32::MAX, taps, cells }.for_each_group(prepare, fill, rest);
+    Run::<_, 0, 8> { plane: &plane, limit: i32::MAX, taps, cells }.for_each_group(prepare, fill, rest);
 }
 
 /// The weights of a group as arrays.
@@ -223,16 +227,17 @@ pub(in crate::warp::kernels) fn bilinear_u16<const CHANNELS: usize>(
     // two pixels of each row, of which those of 6 bytes are loaded together with 4 more, those of 2 with 12 more
     let loaded = 16;
     match CHANNELS {
-        1 => blend_run_u16::<1, 2>(source, loaded, taps, cells),
-        3 => blend_run_u16::<3, 6>(source, loaded, taps, cells),
-        _ => blend_run_u16::<4, 8>(source, loaded, taps, cells),
+        1 => blend_run_u16::<1, 2, 1>(source, loaded, taps, cells),
+        3 => blend_run_u16::<3, 6, 8>(source, loaded, taps, cells),
+        _ => blend_run_u16::<4, 8, 8>(source, loaded, taps, cells),
     }
 }
 
-/// Blends a run; `loaded` bytes are loaded from a position, there and one row below.
+/// Blends a run in blocks of so many groups; `loaded` bytes are loaded from a position, there and one row
+/// below (0: no more than a tap's pixels).
 #[inline]
 #[target_feature(enable = "avx2")]
-fn blend_run_u16<const CHANNELS: usize, const PIXEL: usize>(
+fn blend_run_u16<const CHANNELS: usize, const PIXEL: usize, const GROUPS: usize>(
     source: &Source<'_, u16>,
     loaded: usize,
     taps: &[Tap],
@@ -241,7 +246,8 @@ fn blend_run_u16<const CHANNELS: usize, const PIXEL: usize>(
     let scalar = scalar::bilinear::<u16, CHANNELS, false>;
     let plane = Plane::new(source).filter(|_| taps.len() >= CELLS);
     let Some(plane) = plane else { return scalar(source, taps, cells) };
-    Run::<_, PIXEL> { plane: &plane, limit: plane.limit(loaded), taps, cells }.for_each_group(
+    let limit = if loaded == 0 { i32::MAX } else { plane.limit(loaded) };
+    Run::<_, PIXEL, GROUPS> { plane: &plane, limit, taps, cells }.for_each_group(
         |group| (group.offsets, group.weights()),
         |positions, &weights, cells| {
             if CHANNELS == 1 {
@@ -257,11 +263,11 @@ fn blend_run_u16<const CHANNELS: usize, const PIXEL: usize>(
 /// Eight cells of one channel. Every position must allow loads of 16 bytes, there and one row below.
 #[inline]
 #[target_feature(enable = "avx2")]
-fn blend_one_u16(plane: &Plane<'_>, at: &[u32; CELLS], weights: (__m256, __m256), cells: &mut [u16]) {
+fn blend_one_u16(plane: &Plane<'_>, at: &Cells<'_>, weights: (__m256, __m256), cells: &mut [u16]) {
     assert_eq!(cells.len(), CELLS);
     // a lane of either row is the left pixel in its low and the right pixel in its high half
-    let (top, bottom) = if let Some(distances) = distances_within(vector(at), 16 - 4) {
-        let (low, high) = lowest(at);
+    let (top, bottom) = if let Some(distances) = distances_within(vector(at.positions), 16 - 4) {
+        let (low, high) = at.lowest::<2>(plane);
         let (low, high) = (rows_at(plane, low), rows_at(plane, high));
         // SAFETY: both are positions of taps; the caller's promise.
         let (top, bottom) =
@@ -270,8 +276,9 @@ fn blend_one_u16(plane: &Plane<'_>, at: &[u32; CELLS], weights: (__m256, __m256)
         let pick = _mm256_add_epi8(_mm256_shuffle_epi8(distances, spread), _mm256_set1_epi32(0x0302_0100));
         (_mm256_shuffle_epi8(top, pick), _mm256_shuffle_epi8(bottom, pick))
     } else {
+        let at = at.early_positions::<2, CELLS>(plane, ALL);
         let pairs = |row: isize| {
-            let at = |cell: usize| plane.start().wrapping_offset(row).wrapping_add(at[cell] as usize);
+            let at = |cell: usize| plane.start().wrapping_offset(row).wrapping_add(at[cell]);
             // SAFETY: the caller's promise.
             let two =
                 |a: usize| unsafe { _mm_unpacklo_epi32(_mm_loadu_si32(at(a)), _mm_loadu_si128(at(a + 1).cast())) };
@@ -293,7 +300,7 @@ fn blend_one_u16(plane: &Plane<'_>, at: &[u32; CELLS], weights: (__m256, __m256)
 #[target_feature(enable = "avx2")]
 fn blend_colour_u16<const CHANNELS: usize>(
     plane: &Plane<'_>,
-    at: &[u32; CELLS],
+    at: &Cells<'_>,
     weights: (__m256, __m256),
     cells: &mut [u16],
 ) {
@@ -314,7 +321,8 @@ fn blend_colour_u16<const CHANNELS: usize>(
     let two = |cell: usize, weights: (__m256, __m256)| {
         // SAFETY: the caller checked every position for 16 bytes in both rows.
         let load = |one: *const u8, other: *const u8| opaque(unsafe { load_halves(one.cast(), other.cast()) });
-        let ((top, bottom), (other_top, other_bottom)) = (rows_at(plane, at[cell]), rows_at(plane, at[cell + 4]));
+        let ((top, bottom), (other_top, other_bottom)) =
+            (rows_at(plane, at.position(cell)), rows_at(plane, at.position(cell + 4)));
         let (top, bottom) = (load(top, other_top), load(bottom, other_bottom));
         let pixel = |row, side| _mm256_cvtepi32_ps(_mm256_shuffle_epi8(row, side));
         let pixels = [pixel(top, left), pixel(top, right), pixel(bottom, left), pixel(bottom, right)];
@@ -363,9 +371,9 @@ pub(in crate::warp::kernels) fn bilinear_u16_any(source: &Source<'_, u16>, taps:
     let scalar = scalar::bilinear::<u16, 0, false>;
     let plane = Plane::new(source).filter(|_| taps.len() >= CELLS && channels >= 4);
     let Some(plane) = plane else { return scalar(source, taps, cells) };
-    let fill = |at: &[u32; CELLS], (x, y): &([f32; CELLS], [f32; CELLS]), cells: &mut [u16]| {
+    let fill = |at: &Cells<'_>, (x, y): &([f32; CELLS], [f32; CELLS]), cells: &mut [u16]| {
         for (cell, out) in cells.chunks_exact_mut(channels).enumerate() {
-            let ((top, bottom), out) = (rows_at(&plane, at[cell]), out.as_mut_ptr());
+            let ((top, bottom), out) = (rows_at(&plane, at.position(cell)), out.as_mut_ptr());
             let (top, bottom) = (top.cast::<u16>(), bottom.cast::<u16>());
             let weights = (_mm256_set1_ps(x[cell]), _mm256_set1_ps(y[cell]));
             let float = |words| _mm256_cvtepi32_ps(_mm256_cvtepu16_epi32(words));
@@ -393,5 +401,5 @@ pub(in crate::warp::kernels) fn bilinear_u16_any(source: &Source<'_, u16>, taps:
     };
     let prepare = |group: &Group| (group.offsets, weight_lanes(group));
     let rest = |taps: &[Tap], cells: &mut [u16]| scalar(source, taps, cells);
-    Run::<_, 0> { plane: &plane, limit: i32::MAX, taps, cells }.for_each_group(prepare, fill, rest);
+    Run::<_, 0, 8> { plane: &plane, limit: i32::MAX, taps, cells }.for_each_group(prepare, fill, rest);
 }

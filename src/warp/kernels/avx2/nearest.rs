@@ -7,7 +7,7 @@
 
 use std::arch::x86_64::*;
 
-use super::{CELLS, Run, distances_within, load_halves, lowest, vector};
+use super::{CELLS, Cells, Run, distances_within, load_halves, vector};
 use crate::image::{Sample, as_bytes_mut};
 use crate::lut::table::Tap;
 use crate::warp::kernels::plane::Plane;
@@ -23,20 +23,31 @@ pub(in crate::warp::kernels) fn nearest<T: Sample, const PIXEL: usize>(
     taps: &[Tap],
     cells: &mut [T],
 ) {
+    if matches!(PIXEL, 1 | 2) {
+        copy_run::<T, PIXEL, 1>(source, taps, cells);
+    } else {
+        copy_run::<T, PIXEL, 8>(source, taps, cells);
+    }
+}
+
+/// Copies a run in blocks of so many groups.
+#[inline]
+#[target_feature(enable = "avx2")]
+fn copy_run<T: Sample, const PIXEL: usize, const GROUPS: usize>(source: &Source<'_, T>, taps: &[Tap], cells: &mut [T]) {
     let scalar = scalar::nearest::<T, 0, false>;
     let plane = Plane::new(source).filter(|_| taps.len() >= CELLS);
     let Some(plane) = plane else { return scalar(source, taps, cells) };
     let width = _mm256_set1_epi32(source.image.width() as i32);
     // not `Plane::limit`: nothing is loaded from the row below
     let limit = size_of_val(source.image.data()) as isize - loaded::<PIXEL>() as isize;
-    Run::<_, PIXEL> { plane: &plane, limit: limit as i32, taps, cells }.for_each_group(
+    Run::<_, PIXEL, GROUPS> { plane: &plane, limit: limit as i32, taps, cells }.for_each_group(
         |group| (group.nearest(width), ()),
-        |positions, (), cells| {
+        |at, (), cells| {
             let cells = as_bytes_mut(cells);
             match PIXEL {
-                1 | 2 if copy_window::<PIXEL>(&plane, positions, cells) => {}
-                3 | 6 | 12 => copy_with_excess::<PIXEL>(&plane, positions, cells),
-                _ => copy::<PIXEL>(&plane, positions, cells),
+                1 | 2 if copy_window::<PIXEL>(&plane, at, cells) => {}
+                3 | 6 | 12 => copy_with_excess::<PIXEL>(&plane, at, cells),
+                _ => copy::<PIXEL>(&plane, at, cells),
             }
         },
         |taps, cells| scalar(source, taps, cells),
@@ -56,13 +67,13 @@ const fn loaded<const PIXEL: usize>() -> usize {
 /// Copies pixels one by one.
 #[inline]
 #[target_feature(enable = "avx2")]
-fn copy<const PIXEL: usize>(plane: &Plane<'_>, positions: &[u32; CELLS], cells: &mut [u8]) {
+fn copy<const PIXEL: usize>(plane: &Plane<'_>, at: &Cells<'_>, cells: &mut [u8]) {
     let pixel = if PIXEL == 0 { plane.pixel as usize } else { PIXEL };
-    for (&position, cell) in positions.iter().zip(cells.chunks_exact_mut(pixel)) {
-        let from = plane.start().wrapping_add(position as usize);
+    for (cell, pixels) in cells.chunks_exact_mut(pixel).enumerate() {
+        let from = plane.start().wrapping_add(at.position(cell));
         // SAFETY: the nearest of a tap's four pixels exists, and the cell is one pixel; an image and its warp do not
         // overlap.
-        unsafe { copy_pixel(from, cell.as_mut_ptr(), pixel) };
+        unsafe { copy_pixel(from, pixels.as_mut_ptr(), pixel) };
     }
 }
 
@@ -109,11 +120,11 @@ unsafe fn copy_pixel(from: *const u8, to: *mut u8, size: usize) {
 /// Copies pixels of 3, 6 or 12 bytes as if they were 4, 8 or 16. Every position must allow that.
 #[inline]
 #[target_feature(enable = "avx2")]
-fn copy_with_excess<const PIXEL: usize>(plane: &Plane<'_>, positions: &[u32; CELLS], cells: &mut [u8]) {
+fn copy_with_excess<const PIXEL: usize>(plane: &Plane<'_>, at: &Cells<'_>, cells: &mut [u8]) {
     assert_eq!(cells.len(), CELLS * PIXEL);
     let out = cells.as_mut_ptr();
-    for (cell, &position) in positions.iter().enumerate() {
-        let (from, to) = (plane.start().wrapping_add(position as usize), out.wrapping_add(cell * PIXEL));
+    for cell in 0..CELLS {
+        let (from, to) = (plane.start().wrapping_add(at.position(cell)), out.wrapping_add(cell * PIXEL));
         if cell < CELLS - 1 {
             // SAFETY: the caller checked the position. `cells` has room for the excess, because another pixel follows
             // that is no smaller; it is written later.
@@ -129,11 +140,13 @@ fn copy_with_excess<const PIXEL: usize>(plane: &Plane<'_>, positions: &[u32; CEL
 /// picks them from there. False, and nothing copied, where they do not.
 #[inline]
 #[target_feature(enable = "avx2")]
-fn copy_window<const PIXEL: usize>(plane: &Plane<'_>, positions: &[u32; CELLS], cells: &mut [u8]) -> bool {
+fn copy_window<const PIXEL: usize>(plane: &Plane<'_>, at: &Cells<'_>, cells: &mut [u8]) -> bool {
     assert_eq!(cells.len(), CELLS * PIXEL);
-    let Some(distances) = distances_within(vector(positions), 16 - PIXEL as i32) else { return false };
-    let (low, high) = lowest(positions);
-    let at = |position: u32| plane.start().wrapping_add(position as usize).cast();
+    let Some(distances) = distances_within(vector(at.positions), 16 - PIXEL as i32) else { return false };
+    // positions of nearest pixels, which are not those of the taps
+    let lower = |first, last| at.position(first).min(at.position(last));
+    let (low, high) = (lower(0, 3), lower(4, 7));
+    let at = |position: usize| plane.start().wrapping_add(position).cast();
     // SAFETY: both are among the positions, which the caller checked: 16 bytes may be loaded from there.
     let windows = unsafe { load_halves(at(low), at(high)) };
     let picked = if PIXEL == 1 {
