@@ -7,7 +7,7 @@
 
 use std::arch::x86_64::*;
 
-use super::{ALL, CELLS, Cells, Group, Run, distances_within, for_each_chunk, load_halves, opaque, rows_at, vector};
+use super::{ALL, CELLS, Cells, Group, Run, for_each_chunk, load_halves, opaque, rows_at};
 use crate::lut::table::Tap;
 use crate::warp::kernels::plane::Plane;
 use crate::warp::kernels::{Source, scalar};
@@ -47,17 +47,17 @@ pub(in crate::warp::kernels) fn bilinear_f32<const CHANNELS: usize>(
     // 16 bytes from the right pixel where it has 12; otherwise just two pixels, which exist
     let loaded = if CHANNELS == 3 { 28 } else { 0 };
     match CHANNELS {
-        1 => blend_run_f32::<1, 4, 1>(source, loaded, taps, cells),
-        3 => blend_run_f32::<3, 12, 8>(source, loaded, taps, cells),
-        _ => blend_run_f32::<4, 16, 8>(source, loaded, taps, cells),
+        1 => blend_run_f32::<1, 4>(source, loaded, taps, cells),
+        3 => blend_run_f32::<3, 12>(source, loaded, taps, cells),
+        _ => blend_run_f32::<4, 16>(source, loaded, taps, cells),
     }
 }
 
-/// Blends a run in blocks of so many groups; `loaded` bytes are loaded from a position, there and one row
+/// Blends a run; `loaded` bytes are loaded from a position, there and one row
 /// below (0: no more than a tap's pixels).
 #[inline]
 #[target_feature(enable = "avx2")]
-fn blend_run_f32<const CHANNELS: usize, const PIXEL: usize, const GROUPS: usize>(
+fn blend_run_f32<const CHANNELS: usize, const PIXEL: usize>(
     source: &Source<'_, f32>,
     loaded: usize,
     taps: &[Tap],
@@ -67,13 +67,13 @@ fn blend_run_f32<const CHANNELS: usize, const PIXEL: usize, const GROUPS: usize>
     let plane = Plane::new(source).filter(|_| taps.len() >= CELLS);
     let Some(plane) = plane else { return scalar(source, taps, cells) };
     let limit = if loaded == 0 { i32::MAX } else { plane.limit(loaded) };
-    Run::<_, PIXEL, GROUPS> { plane: &plane, limit, taps, cells }.for_each_group(
+    Run::<_, PIXEL, 1> { plane: &plane, limit, taps, cells }.for_each_group(
         |group| (group.offsets, group.weights()),
         |positions, &weights, cells| {
             if CHANNELS == 1 {
                 blend_one_f32(&plane, positions, weights, cells);
             } else {
-                blend_colour_f32::<CHANNELS>(&plane, positions, weights, cells);
+                blend_colour_f32::<CHANNELS, PIXEL>(&plane, positions, weights, cells);
             }
         },
         |taps, cells| scalar(source, taps, cells),
@@ -103,13 +103,14 @@ fn blend_one_f32(plane: &Plane<'_>, at: &Cells<'_>, weights: (__m256, __m256), c
 /// Eight cells of 3 or 4 channels.
 #[inline]
 #[target_feature(enable = "avx2")]
-fn blend_colour_f32<const CHANNELS: usize>(
+fn blend_colour_f32<const CHANNELS: usize, const PIXEL: usize>(
     plane: &Plane<'_>,
     at: &Cells<'_>,
     weights: (__m256, __m256),
     cells: &mut [f32],
 ) {
     assert_eq!(cells.len(), CELLS * CHANNELS);
+    let at = at.early_positions::<PIXEL, CELLS>(plane, ALL);
     let two = |cell: usize, weights: (__m256, __m256)| {
         let pixels = |one: *const u8, other: *const u8, channel: usize| {
             // SAFETY: the caller checked every position for two pixels, and a third's first channel where there are
@@ -117,8 +118,7 @@ fn blend_colour_f32<const CHANNELS: usize>(
             let halves = unsafe { load_halves(one.add(4 * channel).cast(), other.add(4 * channel).cast()) };
             _mm256_castsi256_ps(opaque(halves))
         };
-        let ((top, bottom), (other_top, other_bottom)) =
-            (rows_at(plane, at.position(cell)), rows_at(plane, at.position(cell + 4)));
+        let ((top, bottom), (other_top, other_bottom)) = (rows_at(plane, at[cell]), rows_at(plane, at[cell + 4]));
         let left = |one, other| pixels(one, other, 0);
         let right = |one, other| pixels(one, other, CHANNELS);
         blend(
@@ -224,20 +224,20 @@ pub(in crate::warp::kernels) fn bilinear_u16<const CHANNELS: usize>(
     taps: &[Tap],
     cells: &mut [u16],
 ) {
-    // two pixels of each row, of which those of 6 bytes are loaded together with 4 more, those of 2 with 12 more
-    let loaded = 16;
+    // two pixels of each row, of which those of 6 bytes are loaded together with 4 more
+    let loaded = if CHANNELS == 1 { 0 } else { 16 };
     match CHANNELS {
-        1 => blend_run_u16::<1, 2, 1>(source, loaded, taps, cells),
-        3 => blend_run_u16::<3, 6, 8>(source, loaded, taps, cells),
-        _ => blend_run_u16::<4, 8, 8>(source, loaded, taps, cells),
+        1 => blend_run_u16::<1, 2>(source, loaded, taps, cells),
+        3 => blend_run_u16::<3, 6>(source, loaded, taps, cells),
+        _ => blend_run_u16::<4, 8>(source, loaded, taps, cells),
     }
 }
 
-/// Blends a run in blocks of so many groups; `loaded` bytes are loaded from a position, there and one row
+/// Blends a run; `loaded` bytes are loaded from a position, there and one row
 /// below (0: no more than a tap's pixels).
 #[inline]
 #[target_feature(enable = "avx2")]
-fn blend_run_u16<const CHANNELS: usize, const PIXEL: usize, const GROUPS: usize>(
+fn blend_run_u16<const CHANNELS: usize, const PIXEL: usize>(
     source: &Source<'_, u16>,
     loaded: usize,
     taps: &[Tap],
@@ -247,46 +247,39 @@ fn blend_run_u16<const CHANNELS: usize, const PIXEL: usize, const GROUPS: usize>
     let plane = Plane::new(source).filter(|_| taps.len() >= CELLS);
     let Some(plane) = plane else { return scalar(source, taps, cells) };
     let limit = if loaded == 0 { i32::MAX } else { plane.limit(loaded) };
-    Run::<_, PIXEL, GROUPS> { plane: &plane, limit, taps, cells }.for_each_group(
+    Run::<_, PIXEL, 1> { plane: &plane, limit, taps, cells }.for_each_group(
         |group| (group.offsets, group.weights()),
         |positions, &weights, cells| {
             if CHANNELS == 1 {
                 blend_one_u16(&plane, positions, weights, cells);
             } else {
-                blend_colour_u16::<CHANNELS>(&plane, positions, weights, cells);
+                blend_colour_u16::<CHANNELS, PIXEL>(&plane, positions, weights, cells);
             }
         },
         |taps, cells| scalar(source, taps, cells),
     );
 }
 
-/// Eight cells of one channel. Every position must allow loads of 16 bytes, there and one row below.
+/// Eight cells of one channel.
 #[inline]
 #[target_feature(enable = "avx2")]
 fn blend_one_u16(plane: &Plane<'_>, at: &Cells<'_>, weights: (__m256, __m256), cells: &mut [u16]) {
     assert_eq!(cells.len(), CELLS);
+    let at = at.early_positions::<2, CELLS>(plane, ALL);
     // a lane of either row is the left pixel in its low and the right pixel in its high half
-    let (top, bottom) = if let Some(distances) = distances_within(vector(at.positions), 16 - 4) {
-        let (low, high) = at.lowest::<2>(plane);
-        let (low, high) = (rows_at(plane, low), rows_at(plane, high));
-        // SAFETY: both are positions of taps; the caller's promise.
-        let (top, bottom) =
-            unsafe { (load_halves(low.0.cast(), high.0.cast()), load_halves(low.1.cast(), high.1.cast())) };
-        let spread = _mm256_broadcastsi128_si256(_mm_setr_epi8(0, 0, 0, 0, 4, 4, 4, 4, 8, 8, 8, 8, 12, 12, 12, 12));
-        let pick = _mm256_add_epi8(_mm256_shuffle_epi8(distances, spread), _mm256_set1_epi32(0x0302_0100));
-        (_mm256_shuffle_epi8(top, pick), _mm256_shuffle_epi8(bottom, pick))
-    } else {
-        let at = at.early_positions::<2, CELLS>(plane, ALL);
-        let pairs = |row: isize| {
-            let at = |cell: usize| plane.start().wrapping_offset(row).wrapping_add(at[cell]);
-            // SAFETY: the caller's promise.
-            let two =
-                |a: usize| unsafe { _mm_unpacklo_epi32(_mm_loadu_si32(at(a)), _mm_loadu_si128(at(a + 1).cast())) };
-            let four = |a: usize| _mm_unpacklo_epi64(two(a), two(a + 2));
-            _mm256_set_m128i(four(4), four(0))
+    let pairs = |row: isize| {
+        let pair = |cell: usize| {
+            let from = plane.start().wrapping_offset(row).wrapping_add(at[cell]);
+            // SAFETY: a tap of the table has two pixels, 4 bytes, in this row and in the one below.
+            unsafe { from.cast::<i32>().read_unaligned() }
         };
-        (pairs(0), pairs(plane.row_stride))
+        let four = |a: usize| {
+            let two = _mm_insert_epi32::<1>(_mm_cvtsi32_si128(pair(a)), pair(a + 1));
+            _mm_insert_epi32::<3>(_mm_insert_epi32::<2>(two, pair(a + 2)), pair(a + 3))
+        };
+        _mm256_set_m128i(four(4), four(0))
     };
+    let (top, bottom) = (pairs(0), pairs(plane.row_stride));
     let left = |row| _mm256_cvtepi32_ps(_mm256_and_si256(row, _mm256_set1_epi32(0xffff)));
     let right = |row| _mm256_cvtepi32_ps(_mm256_srli_epi32::<16>(row));
     let rounded = round_u16(blend(weights, [left(top), right(top), left(bottom), right(bottom)]));
@@ -298,13 +291,14 @@ fn blend_one_u16(plane: &Plane<'_>, at: &Cells<'_>, weights: (__m256, __m256), c
 /// Eight cells of 3 or 4 channels.
 #[inline]
 #[target_feature(enable = "avx2")]
-fn blend_colour_u16<const CHANNELS: usize>(
+fn blend_colour_u16<const CHANNELS: usize, const PIXEL: usize>(
     plane: &Plane<'_>,
     at: &Cells<'_>,
     weights: (__m256, __m256),
     cells: &mut [u16],
 ) {
     assert_eq!(cells.len(), CELLS * CHANNELS);
+    let at = at.early_positions::<PIXEL, CELLS>(plane, ALL);
     #[rustfmt::skip]
     let (left, right) = if CHANNELS == 3 {
         (
@@ -321,8 +315,7 @@ fn blend_colour_u16<const CHANNELS: usize>(
     let two = |cell: usize, weights: (__m256, __m256)| {
         // SAFETY: the caller checked every position for 16 bytes in both rows.
         let load = |one: *const u8, other: *const u8| opaque(unsafe { load_halves(one.cast(), other.cast()) });
-        let ((top, bottom), (other_top, other_bottom)) =
-            (rows_at(plane, at.position(cell)), rows_at(plane, at.position(cell + 4)));
+        let ((top, bottom), (other_top, other_bottom)) = (rows_at(plane, at[cell]), rows_at(plane, at[cell + 4]));
         let (top, bottom) = (load(top, other_top), load(bottom, other_bottom));
         let pixel = |row, side| _mm256_cvtepi32_ps(_mm256_shuffle_epi8(row, side));
         let pixels = [pixel(top, left), pixel(top, right), pixel(bottom, left), pixel(bottom, right)];
