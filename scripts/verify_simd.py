@@ -7,6 +7,7 @@ scalar code, passes every test on the machine that built it. Needs objdump, of b
 
 from __future__ import annotations
 
+import os
 import re
 import shutil
 import subprocess
@@ -65,7 +66,8 @@ def disassemble(library: Path) -> dict[str, Function]:
     """Read all functions and their instructions, each as its mnemonic, a space and its operands."""
     objdump = shutil.which("objdump") or shutil.which("llvm-objdump")
     if objdump is None:
-        raise SystemExit("objdump was not found: install binutils (or LLVM, or on macOS Xcode's command line tools)")
+        print("not run: objdump was not found; install binutils (or LLVM, or on macOS Xcode's command line tools)")
+        raise SystemExit(1 if os.environ.get("CI") else 0)
     command = [objdump, "--disassemble", "--demangle", "--no-show-raw-insn", str(library)]
     lines = subprocess.run(command, capture_output=True, text=True, check=True).stdout.splitlines()
     functions: dict[str, Function] = {}
