@@ -3,7 +3,7 @@
 //! (offset `u32`, x `u16`, y `u16`).
 
 use super::Lut;
-use super::table::{RowRuns, Run, RunKind, Table, Tap, band_rows, unframed};
+use super::table::{RowEnd, RowRuns, Run, RunKind, Table, Tap, band_rows, unframed};
 use crate::camera::check_image_size;
 use crate::error::{Error, Result};
 use crate::grid::check_cells;
@@ -24,9 +24,9 @@ impl Lut {
             bytes.extend_from_slice(&number.to_le_bytes());
         }
         for band in bands {
-            let begins = std::iter::once(&0).chain(&band.ends);
+            let begins = std::iter::once(0).chain(band.ends.iter().map(|end| end.run));
             for (begin, end) in begins.zip(&band.ends) {
-                bytes.extend_from_slice(&(end - begin).to_le_bytes());
+                bytes.extend_from_slice(&(end.run - begin).to_le_bytes());
             }
         }
         for run in bands.iter().flat_map(|band| &band.runs) {
@@ -72,9 +72,13 @@ impl Lut {
         let (run_bytes, tap_bytes) = body.split_at(4 * runs);
         let mut table = Table::empty((rows, columns), source)?;
         let mut reader = Reader { runs: run_bytes, taps: tap_bytes, source };
-        let rows_of_counts = counts.chunks_exact(4).map(le_u32).zip(table.taps.chunks_mut(columns));
-        for (row, (runs, taps)) in rows_of_counts.enumerate() {
-            reader.read_row(runs as usize, taps, &mut table.bands[row / band_rows(columns)]).map_err(damaged)?;
+        let bands = table.bands.iter_mut().zip(table.taps.chunks_mut(band_rows(columns) * columns));
+        for ((band, taps), counts) in bands.zip(counts.chunks(4 * band_rows(columns))) {
+            let mut next = 0;
+            for runs in counts.chunks_exact(4).map(le_u32) {
+                next += reader.read_row(runs as usize, columns, &mut taps[next..], band).map_err(damaged)?;
+                band.ends.push(RowEnd { run: band.runs.len() as u32, tap: next as u32 });
+            }
         }
         if !reader.runs.is_empty() || !reader.taps.is_empty() {
             return Err(damaged("its rows do not fit its header"));
@@ -91,30 +95,35 @@ struct Reader<'a> {
 }
 
 impl Reader<'_> {
-    /// Takes the next row of so many runs, and proves what [`Table`] promises of it.
-    fn read_row(&mut self, runs: usize, mut taps: &mut [Tap], band: &mut RowRuns) -> Result<(), &'static str> {
+    /// Takes the next row of so many runs, proves what [`Table`] promises of it, and returns how many taps it has; they go
+    /// to the start of `taps`, which has room for one for each cell.
+    fn read_row(
+        &mut self,
+        runs: usize,
+        columns: usize,
+        taps: &mut [Tap],
+        band: &mut RowRuns,
+    ) -> Result<usize, &'static str> {
         let short = "its rows do not fit its header";
+        let (mut cells, mut kept) = (0, 0);
         for run in take(&mut self.runs, runs.saturating_mul(4)).ok_or(short)?.chunks_exact(4) {
             let run = Run(le_u32(run));
-            let (own, rest) = taps.split_at_mut_checked(run.cells()).ok_or("a row's runs do not cover it")?;
-            taps = rest;
-            if run.kind() != RunKind::Outside {
-                let bytes = take(&mut self.taps, 8 * run.cells()).ok_or(short)?;
-                for (tap, bytes) in own.iter_mut().zip(bytes.chunks_exact(8)) {
-                    let half = |at: usize| u16::from_le_bytes([bytes[at], bytes[at + 1]]);
-                    *tap = Tap { offset: le_u32(bytes), x: half(4), y: half(6) };
-                    if !is_possible(run.kind(), *tap, self.source) {
-                        return Err("a cell samples where its kind cannot");
-                    }
+            cells += run.cells();
+            if cells > columns {
+                break;
+            }
+            let bytes = take(&mut self.taps, 8 * run.taps()).ok_or(short)?;
+            for (tap, bytes) in taps[kept..].iter_mut().zip(bytes.chunks_exact(8)) {
+                let half = |at: usize| u16::from_le_bytes([bytes[at], bytes[at + 1]]);
+                *tap = Tap { offset: le_u32(bytes), x: half(4), y: half(6) };
+                if !is_possible(run.kind(), *tap, self.source) {
+                    return Err("a cell samples where its kind cannot");
                 }
             }
+            kept += run.taps();
             band.runs.push(run);
         }
-        if !taps.is_empty() {
-            return Err("a row's runs do not cover it");
-        }
-        band.ends.push(band.runs.len() as u32);
-        Ok(())
+        if cells == columns { Ok(kept) } else { Err("a row's runs do not cover it") }
     }
 }
 

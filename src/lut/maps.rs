@@ -10,7 +10,7 @@ impl Lut {
         for (row, cells) in mask.chunks_mut(self.columns()).enumerate() {
             for segment in self.table.row(row) {
                 if matches!(segment.kind, RunKind::Inside | RunKind::Rim) {
-                    cells[segment.first..segment.first + segment.taps.len()].fill(true);
+                    cells[segment.first..segment.first + segment.cells].fill(true);
                 }
             }
         }
@@ -23,7 +23,7 @@ impl Lut {
             self.table
                 .row(row)
                 .filter(|segment| matches!(segment.kind, RunKind::Inside | RunKind::Rim))
-                .map(|segment| segment.taps.len())
+                .map(|segment| segment.cells)
                 .sum::<usize>()
         };
         (0..self.rows()).map(valid).sum()

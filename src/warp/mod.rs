@@ -177,7 +177,7 @@ fn warp_segments<'a, T: Sample>(
 ) {
     let channels = source.channels();
     for segment in segments {
-        let cells = &mut cells[segment.first * channels..(segment.first + segment.taps.len()) * channels];
+        let cells = &mut cells[segment.first * channels..(segment.first + segment.cells) * channels];
         match segment.kind {
             RunKind::Outside => source.fill_border(cells),
             RunKind::Inside => (kernels.inside)(source, segment.taps, cells),

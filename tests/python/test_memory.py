@@ -62,7 +62,7 @@ def test_result_takes_no_more_than_itself(seed_lut):
 
 def assert_twelve_bytes_per_cell(map_x: np.ndarray, map_y: np.ndarray, size: tuple[int, int]) -> None:
     lut = ipm_rs.Lut.from_maps(map_x, map_y, source_size=size)
-    where_rows_end = 4 * len(map_x)
+    where_rows_end = 8 * len(map_x)
     assert lut.nbytes <= 12 * map_x.size + where_rows_end
 
 
