@@ -60,7 +60,7 @@ INSTALLED := $(VENV)/.stamp-installed
 
 # The stamp carries the time at which the build began: a file saved while it ran is built the next time.
 $(WHEEL): $(SOURCES) $(BUILD)
-	@command -v $(CARGO) >/dev/null || { echo "cargo was not found: install Rust from https://rustup.rs" >&2; exit 1; }
+	@command -v $(CARGO) >/dev/null || { echo "cargo was not found: install Rust 1.89 or newer first" >&2; exit 1; }
 	@mkdir -p dist
 	@touch dist/.stamp-begin
 	rm -f dist/*.whl python/ipm_rs/*.so python/ipm_rs/*.pyd # a stale extension would win over the new one

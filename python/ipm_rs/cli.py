@@ -75,12 +75,12 @@ def main(argv: Sequence[str] | None = None) -> int:
 class _Parser(argparse.ArgumentParser):
     """Parser whose mistakes are ordinary errors of this program, and whose help ends with examples."""
 
-    def __init__(self, *, examples: str = "", **options: object) -> None:
+    def __init__(self, *, examples: str = "", **options: Any) -> None:
         super().__init__(
             formatter_class=argparse.RawDescriptionHelpFormatter,
             epilog=f"Examples:\n{examples}",
             allow_abbrev=False,
-            **options,  # type: ignore[arg-type]
+            **options,
         )
 
     def error(self, message: str) -> NoReturn:
