@@ -136,13 +136,22 @@ pub(super) fn whole(name: &str, object: &Bound<'_, PyAny>) -> PyResult<u32> {
     let is_bool = object.is_instance_of::<pyo3::types::PyBool>();
     match object.extract::<i64>() {
         Ok(number) if !is_bool => u32::try_from(number).map_err(|_| {
-            ArgumentError::new_err(format!("{name}: expected a whole number of pixels, 0 or more, got {number}"))
+            ArgumentError::new_err(format!(
+                "{name}: expected a whole number of pixels, from 0 to 2^32 - 1, got {number}"
+            ))
         }),
         _ => {
             let got = if object.extract::<f64>().is_ok() { object.to_string() } else { type_name(object) };
             Err(ArgumentTypeError::new_err(format!("{name}: expected a whole number, got {got}")))
         }
     }
+}
+
+/// True or False, NumPy's too.
+pub(super) fn flag(name: &str, object: &Bound<'_, PyAny>) -> PyResult<bool> {
+    object
+        .extract::<bool>()
+        .map_err(|_| ArgumentTypeError::new_err(format!("{name}: expected True or False, got {}", type_name(object))))
 }
 
 /// (width, height).

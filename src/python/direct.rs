@@ -3,7 +3,7 @@
 use numpy::{PyArrayDescrMethods, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 
-use super::convert::{matrix3, size};
+use super::convert::{flag, matrix3, size};
 use super::image::ImageArray;
 use super::layout::Layout;
 use super::maps::{contiguous, map_pair};
@@ -47,7 +47,7 @@ pub(super) fn remap<'py>(
 /// Warps an image by a homography, as `cv2.warpPerspective`.
 #[pyfunction]
 #[pyo3(
-    signature = (image, M, dsize, *, interpolation = None, inverse_map = false, border_mode = None, border_value = None, out = None, threads = None),
+    signature = (image, M, dsize, *, interpolation = None, inverse_map = None, border_mode = None, border_value = None, out = None, threads = None),
     text_signature = "(image, M, dsize, *, interpolation='bilinear', inverse_map=False, border_mode='constant', border_value=0, out=None, threads=None)"
 )]
 #[expect(non_snake_case, reason = "the field's name for a homography")]
@@ -57,13 +57,14 @@ pub(super) fn warp_perspective<'py>(
     M: &Bound<'py, PyAny>,
     dsize: &Bound<'py, PyAny>,
     interpolation: Option<&Bound<'py, PyAny>>,
-    inverse_map: bool,
+    inverse_map: Option<&Bound<'py, PyAny>>,
     border_mode: Option<&Bound<'py, PyAny>>,
     border_value: Option<&Bound<'py, PyAny>>,
     out: Option<&Bound<'py, PyAny>>,
     threads: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<Bound<'py, PyAny>> {
     let matrix = matrix3("M", M)?;
+    let inverse_map = inverse_map.map_or(Ok(false), |object| flag("inverse_map", object))?;
     let source_from_output = if inverse_map { matrix } else { inverse_homography(&matrix)? };
     let (width, height) = size("dsize", dsize)?;
     check_image_size("dsize", width.into(), height.into())?;

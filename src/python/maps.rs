@@ -36,7 +36,10 @@ fn map_array<'py>(name: &str, object: &Bound<'py, PyAny>) -> PyResult<Bound<'py,
     };
     let dtype = array.dtype();
     if dtype.kind() != b'f' || !matches!(dtype.itemsize(), 4 | 8) || dtype.is_native_byteorder() == Some(false) {
-        let mend = "fixed-point maps come back with cv2.convertMaps(map1, map2, cv2.CV_32FC1)";
+        let mend = match dtype.kind() {
+            b'f' => format!("use {name}.astype(numpy.float32)"),
+            _ => "fixed-point maps come back with cv2.convertMaps(map1, map2, cv2.CV_32FC1)".to_owned(),
+        };
         return Err(DtypeError::new_err(format!("{name}: expected float32 or float64, got {dtype}; {mend}")));
     }
     if array.ndim() != 2 || array.is_empty() {

@@ -165,8 +165,8 @@ def remap(*maps, image=IMAGE, **options):
     return lambda out: ipm_rs.remap(image, *(maps or (MAP_X, MAP_Y)), out=out, **options)
 
 
-def perspective(matrix, dsize=(90, 120)):
-    return lambda out: ipm_rs.warp_perspective(IMAGE, matrix, dsize, out=out)
+def perspective(matrix, dsize=(90, 120), **options):
+    return lambda out: ipm_rs.warp_perspective(IMAGE, matrix, dsize, out=out, **options)
 
 
 @pytest.mark.parametrize(
@@ -187,6 +187,9 @@ def perspective(matrix, dsize=(90, 120)):
         (perspective(np.eye(2)), errors.ArgumentError, ["M", "(2, 2)"]),
         (perspective(np.eye(3), (0, 120)), errors.ArgumentError, ["dsize", "0 x 120"]),
         (perspective(np.eye(3), (90.5, 120)), errors.ArgumentTypeError, ["dsize"]),
+        (perspective(np.eye(3), (2**40, 120)), errors.ArgumentError, ["dsize", "2^32"]),
+        (perspective(np.eye(3), inverse_map=1), errors.ArgumentTypeError, ["inverse_map", "True or False", "int"]),
+        (remap(MAP_X.astype(">f4"), MAP_Y), errors.DtypeError, ["map_x", ">f4", "astype"]),
     ],
 )
 def test_mistakes_are_refused_and_nothing_is_written(call, error, phrases):
