@@ -285,11 +285,11 @@ impl Reading<'_, '_> {
         let view = |first: *mut u8| {
             let span = image.reach(first, &[image.rows]);
             let before = first.addr() - span.start;
+            let (start, samples) = (first.wrapping_sub(before).cast::<T>(), span.len() / sample);
             // SAFETY: `span` is the memory of the array's own rows, checked to be aligned and adjacent, and the borrow
             // keeps writers that use rust-numpy away; a `Sample` takes any bits. What lies between rows may belong to
             // others, and nothing of ours writes to it: `check_output` refuses outputs within the whole array's span.
-            let data =
-                unsafe { std::slice::from_raw_parts(first.wrapping_sub(before).cast::<T>(), span.len() / sample) };
+            let data = unsafe { std::slice::from_raw_parts(start, samples) };
             let size = (image.width, image.rows.count);
             ImageView::with_row_stride(data, size, image.samples, before / sample, row_stride)
         };

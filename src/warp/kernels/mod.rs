@@ -55,7 +55,7 @@ impl<'a, T: Sample> Source<'a, T> {
         if let [value] = *self.border {
             return cells.fill(value);
         }
-        // one cell, then as many as are written already: cell by cell took longer than blending the others
+        // one cell, then as many as are written already: cell by cell took longer than blending the others where few cells see the image
         let mut written = self.border.len();
         cells[..written].copy_from_slice(self.border);
         while written < cells.len() {

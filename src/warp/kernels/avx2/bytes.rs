@@ -131,10 +131,10 @@ fn blend_colour<const CHANNELS: usize>(plane: &Plane<'_>, at: &Cells<'_>, weight
     let sums = |cell: usize, weights: Weights| {
         let ((top, bottom), (other_top, other_bottom)) =
             (rows_at(plane, at.position(cell)), rows_at(plane, at.position(cell + 4)));
-        // SAFETY: the caller checked every position against `Plane::limit(LOADED)`: 16 bytes exist from there on, in
-        // this row and one row below.
-        let (top, bottom) =
-            unsafe { (load_halves(top.cast(), other_top.cast()), load_halves(bottom.cast(), other_bottom.cast())) };
+        // SAFETY: the caller checked every position against `Plane::limit(LOADED)`: 16 bytes exist from there on.
+        let top = unsafe { load_halves(top.cast(), other_top.cast()) };
+        // SAFETY: and so do they one row below.
+        let bottom = unsafe { load_halves(bottom.cast(), other_bottom.cast()) };
         let spread = |row| _mm256_shuffle_epi8(opaque(row), spread);
         weights.sums(spread(top), spread(bottom))
     };
@@ -168,9 +168,10 @@ fn blend_gray(plane: &Plane<'_>, at: &Cells<'_>, weights: &Weights, cells: &mut 
         let (low, high) = at.lowest::<1>(plane);
         let (low, high) = (rows_at(plane, low), rows_at(plane, high));
         // SAFETY: both are positions of taps, which the caller checked against `Plane::limit(LOADED)`: 16 bytes exist
-        // from there on, in this row and one row below.
-        let (top, bottom) =
-            unsafe { (load_halves(low.0.cast(), high.0.cast()), load_halves(low.1.cast(), high.1.cast())) };
+        // from there on.
+        let top = unsafe { load_halves(low.0.cast(), high.0.cast()) };
+        // SAFETY: and so do they one row below.
+        let bottom = unsafe { load_halves(low.1.cast(), high.1.cast()) };
         // bytes of a lane: right, nothing, left, nothing
         let both = _mm256_or_si256(distances, _mm256_slli_epi32::<16>(distances));
         let pick = _mm256_add_epi32(both, _mm256_set1_epi32(0x8000_8001_u32 as i32));

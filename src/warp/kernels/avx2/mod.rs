@@ -123,9 +123,8 @@ impl<T, const PIXEL: usize, const GROUPS: usize> Run<'_, T, PIXEL, GROUPS> {
             }
             for (group, (positions, weights)) in positions.iter().zip(&weights).enumerate().take(groups) {
                 let at = (block + CELLS * group).min(last);
-                // SAFETY: `at` is at most `last`, so a whole group of cells follows.
-                let cells =
-                    unsafe { std::slice::from_raw_parts_mut(cells.as_mut_ptr().add(at * samples), CELLS * samples) };
+                // `at` is at most `last`, so a whole group of cells follows
+                let cells = &mut cells[at * samples..(at + CELLS) * samples];
                 // SAFETY: written for this group of this block.
                 fill(&Cells { positions, taps: group_of(at) }, unsafe { weights.assume_init_ref() }, cells);
             }
