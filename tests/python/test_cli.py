@@ -568,7 +568,7 @@ def test_info_without_the_extra(capsys: pytest.CaptureFixture[str], monkeypatch:
     def missing(name: str) -> str:
         raise PackageNotFoundError(name)
 
-    monkeypatch.setattr(cli, "version", missing)
+    monkeypatch.setattr(cli.info, "version", missing)
     assert cli.main(["info"]) == 0
     assert re.search(r'Pillow +not installed; pip install "ipm-rs\[cli\]"', capsys.readouterr().out)
 

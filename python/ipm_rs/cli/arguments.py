@@ -1,0 +1,106 @@
+"""What the commands' arguments share: the parser, numbers, the grid, and the checks of outputs."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from pathlib import Path
+from typing import Any, NoReturn, TypeAlias
+
+from ipm_rs.errors import ArgumentError, FileError
+
+
+class Parser(argparse.ArgumentParser):
+    """Parser whose mistakes are ordinary errors of this program, and whose help ends with examples."""
+
+    def __init__(self, *, examples: str = "", **options: Any) -> None:
+        super().__init__(
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+            epilog=f"Examples:\n{examples}",
+            allow_abbrev=False,
+            **options,
+        )
+
+    def error(self, message: str) -> NoReturn:
+        """Raise what the parser objects to as one of our errors."""
+        stray_words = message.startswith("unrecognized") and ": -" not in message
+        hint = "; give all images together, before the options" if stray_words else ""
+        raise ArgumentError(f"{message}{hint}; see {self.prog} --help")
+
+
+Commands: TypeAlias = "argparse._SubParsersAction[Parser]"
+
+
+def real(text: str) -> float:
+    """Return the number of an argument."""
+    try:
+        return float(text)
+    except ValueError:
+        mend = "give the calibration and the images before the options" if Path(text).exists() else "give a number"
+        raise argparse.ArgumentTypeError(f"expected a number, got {text!r}; {mend}") from None
+
+
+def value(text: str) -> int | float:
+    """Return the number of an argument, whole if it is written so."""
+    try:
+        return int(text)
+    except ValueError:
+        return real(text)
+
+
+def count(text: str) -> int:
+    """Return the whole number of an argument, at least 1."""
+    try:
+        number = int(text)
+    except ValueError:
+        number = 0
+    if number < 1:
+        raise argparse.ArgumentTypeError(f"expected a whole number of at least 1, got {text!r}")
+    return number
+
+
+def add_grid(command: Parser, sampling: str) -> argparse._ArgumentGroup:
+    """Add the arguments that make a `BevGrid`, and return their group; `sampling` says what --sample-at does."""
+    grid = command.add_argument_group("grid")
+    grid.add_argument(
+        "--x", metavar=("MIN", "MAX"), nargs=2, type=real, default=[7.0, 50.0], help="metres forward (default: 7 50)"
+    )
+    grid.add_argument(
+        "--y", metavar=("MIN", "MAX"), nargs=2, type=real, default=[-10.0, 10.0], help="metres left (default: -10 10)"
+    )
+    grid.add_argument(
+        "--resolution",
+        metavar=("DX", "DY"),
+        nargs="+",
+        type=real,
+        default=[0.05],
+        help="cell size in metres, one number for both axes or two (default: 0.05)",
+    )
+    grid.add_argument(
+        "--sample-at", choices=("center", "corner"), default="center", help=f"{sampling} (default: center)"
+    )
+    return grid
+
+
+def resolution(numbers: list[float]) -> float | tuple[float, float]:
+    """Return the cell size that --resolution gives, once or for each axis."""
+    if len(numbers) > 2:
+        raise ArgumentError(f"--resolution: expected DX or DX DY, got {len(numbers)} numbers; give one or two")
+    return numbers[0] if len(numbers) == 1 else (numbers[0], numbers[1])
+
+
+def check_output(path: Path, *, may_exist: bool, may_make: bool = False) -> None:
+    """Refuse an output that exists or whose directory does not; with ``may_make`` its directory will be made."""
+    if os.path.lexists(path):
+        if path.exists() and not path.is_file():
+            kind = "a directory" if path.is_dir() else "no regular file"
+            raise FileError(f"{path}: expected a file to write, got {kind}; give another name")
+        if not may_exist:
+            raise FileError(f"{path}: expected a new file, got one that exists; give another name, or --force")
+    directory = Path(os.path.realpath(path)).parent
+    while may_make and not directory.exists():
+        directory = directory.parent
+    if not directory.is_dir():
+        raise FileError(f"{path}: expected its directory to exist, found none; make {path.parent} first")
+    if not os.access(directory, os.W_OK):
+        raise FileError(f"{path}: expected a directory to write in, got no permission; choose another")

@@ -1,0 +1,223 @@
+"""``ipm-rs warp``: camera images to bird's-eye views."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import os
+import sys
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+import ipm_rs
+from ipm_rs import imagefile
+from ipm_rs.cli.arguments import Commands, add_grid, check_output, count, real, resolution, value
+from ipm_rs.cli.printing import Progress, emit, no_progress, progress_bar
+from ipm_rs.errors import ArgumentError, FileError, ImageError, IpmError
+
+
+def add(commands: Commands) -> None:
+    """Add the command and its arguments."""
+    warp = commands.add_parser(
+        "warp",
+        help="warp camera images to bird's-eye views",
+        description="""\
+Warp camera images to metric bird's-eye views. Row 0 is far ahead, column 0 is to the left; metres are those of the
+vehicle frame of the calibration: x forward, y left, z up.
+
+Images may be grey, 16-bit grey, colour, with alpha, or label images with a palette (nearest only; indices and palette
+are kept). EXIF orientation is not applied: the calibration belongs to the pixels as they are stored. The extension of
+the output decides its format: """
+        + " ".join(imagefile.FORMATS)
+        + ".",
+        examples="""\
+  ipm-rs warp camera.json frame.png -o bev.png
+  ipm-rs warp camera.json frame.png -o bev.png --x 7 50 --y -10 10 --resolution 0.05 0.025 --sample-at corner
+  ipm-rs warp camera.json frames/*.png -o bevs/ --mask bevs/valid.png
+  ipm-rs warp camera.json labels.png -o bev_labels.png --interpolation nearest --border-value 255""",
+    )
+    add = warp.add_argument
+    add("calibration", metavar="CALIBRATION", help="camera calibration, a Cityscapes camera JSON")
+    add("images", metavar="IMAGE", nargs="+", type=Path, help="camera images, all of the calibration's size")
+    add(
+        "-o",
+        "--output",
+        metavar="OUT",
+        required=True,
+        help="a file for one image; a directory for several, which get the names <image>_bev.png",
+    )
+    grid = add_grid(warp, "where a cell is sampled")
+    grid.add_argument(
+        "--ground", metavar="HEIGHT", type=real, default=0.0, help="height z of the road in metres (default: 0)"
+    )
+    pixels = warp.add_argument_group("pixels")
+    pixels.add_argument(
+        "--interpolation", choices=("bilinear", "nearest"), default="bilinear", help="(default: bilinear)"
+    )
+    pixels.add_argument(
+        "--border-value",
+        metavar="V",
+        nargs="+",
+        type=value,
+        default=[0],
+        help="value of cells that the camera does not see, one or one per channel (default: 0)",
+    )
+    pixels.add_argument(
+        "--image-size",
+        metavar=("W", "H"),
+        nargs=2,
+        type=count,
+        default=(2048, 1024),
+        help="size of the images that the calibration was made for (default: 2048 1024)",
+    )
+    running = warp.add_argument_group("run")
+    running.add_argument(
+        "--mask", metavar="PATH", type=Path, help="also write the validity mask, 255 where a cell is seen"
+    )
+    running.add_argument("--threads", metavar="N", type=count, help="threads of a warp (default: the CPUs there are)")
+    running.add_argument("--force", action="store_true", help="replace existing outputs")
+    running.add_argument("--quiet", action="store_true", help="print nothing but warnings and errors")
+    warp.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> None:
+    """Check everything, then warp image after image."""
+    camera = _read_camera(args.calibration, tuple(args.image_size))
+    grid = ipm_rs.BevGrid(x=args.x, y=args.y, resolution=resolution(args.resolution), sample_at=args.sample_at)
+    headers = [imagefile.probe(path) for path in args.images]
+    for header in headers:
+        _check_image(header, camera, args.interpolation)
+    outputs = _outputs(args.output, headers)
+    _check_outputs(outputs, headers, args)
+    options: dict[str, Any] = {
+        "interpolation": args.interpolation,
+        "border_value": args.border_value[0] if len(args.border_value) == 1 else tuple(args.border_value),
+        "threads": args.threads,
+    }
+    _rehearse(headers, options)
+    show_progress = len(headers) > 1 and not args.quiet and sys.stderr.isatty()
+    progress: Progress = progress_bar("image") if show_progress else no_progress
+
+    lut = ipm_rs.Lut(camera, grid, ground=args.ground)
+    mask = lut.mask
+    if camera.position[2] <= args.ground:
+        emit(
+            f"ipm-rs: warning: the camera, {camera.position[2]:g} m high, is not above the road at {args.ground:g} m; "
+            "check --ground and the calibration",
+            sys.stderr,
+        )
+    elif not mask.any():
+        emit(f"ipm-rs: warning: {_why_blind(camera, grid, args.ground)}", sys.stderr)
+    failed = 0
+    with progress(list(zip(headers, outputs, strict=True))) as (jobs, say):
+        for header, output in jobs:
+            try:
+                pixels, look = imagefile.read(header.path)
+            except (FileError, ImageError) as error:  # one damaged frame does not stop the others
+                if len(headers) == 1:
+                    raise
+                failed += 1
+                say(f"ipm-rs: error: {error}", sys.stderr)
+                continue
+            start = perf_counter()
+            bev = lut.warp(pixels, **options)
+            milliseconds = 1e3 * (perf_counter() - start)
+            output.parent.mkdir(parents=True, exist_ok=True)
+            imagefile.write(output, bev, look)
+            if not args.quiet:
+                rows, cols = lut.shape
+                say(f"{output}  {cols} x {rows}  {100 * mask.mean():.1f} % valid  {milliseconds:.2f} ms", sys.stdout)
+    if args.mask is not None and failed < len(headers):
+        imagefile.write(args.mask, np.where(mask, np.uint8(255), np.uint8(0)), imagefile.Look("L"))
+        if not args.quiet:
+            emit(f"{args.mask}  {mask.shape[1]} x {mask.shape[0]}  mask")
+    if failed:
+        raise FileError(f"{failed} of {len(headers)} images could not be read, see above; the others were written")
+
+
+def _read_camera(path: str, image_size: tuple[int, int]) -> ipm_rs.Camera:
+    return ipm_rs.Camera.from_cityscapes(path, image_size=image_size)
+
+
+def _check_image(header: imagefile.Header, camera: ipm_rs.Camera, interpolation: str) -> None:
+    """Refuse an image that does not fit the camera or the interpolation, and tell of what is left out."""
+    if header.size != tuple(camera.image_size):
+        (width, height), (wanted_width, wanted_height) = header.size, camera.image_size
+        raise ImageError(
+            f"{header.path}: expected {wanted_width}x{wanted_height} pixels, as the calibration was made for, got "
+            f"{width}x{height}; if it was made for {width}x{height}, give --image-size {width} {height}; if the image "
+            "was scaled since, use the original, or Camera.resized() in Python"
+        )
+    if interpolation != "nearest" and header.mode in ("P", "1"):
+        kind = "a label image with a palette" if header.mode == "P" else "a 1-bit image"
+        raise ArgumentError(
+            f"{header.path}: expected --interpolation nearest for {kind}, got {interpolation}, which would mix its "
+            "values; give --interpolation nearest, or convert the image to RGB or grey"
+        )
+    if header.orientation != 1:
+        emit(f"ipm-rs: warning: {header.path}: EXIF orientation {header.orientation} is not applied", sys.stderr)
+    if header.frames > 1:
+        emit(f"ipm-rs: warning: {header.path}: the first of {header.frames} frames is used", sys.stderr)
+
+
+def _outputs(text: str, headers: list[imagefile.Header]) -> list[Path]:
+    """Names of the outputs: the one given, or one per image in the directory given."""
+    if not text:
+        raise ArgumentError("-o: expected a file or a directory, got an empty name; give one")
+    path = Path(text)
+    names_directory = path.is_dir() or text.endswith(tuple(filter(None, (os.sep, os.altsep))))
+    if len(headers) == 1 and not names_directory:
+        return [path]
+    if not names_directory and (path.exists() or path.suffix.lower() in imagefile.FORMATS):
+        raise ArgumentError(f"-o: expected a directory for {len(headers)} images, got {text}; give a directory")
+    if path.exists() and not path.is_dir():
+        raise ArgumentError(f"-o: expected a directory, got {text}, which is a file; give another name")
+    return [path / f"{header.path.stem}_bev{'.tif' if header.mode == 'F' else '.png'}" for header in headers]
+
+
+def _check_outputs(outputs: list[Path], headers: list[imagefile.Header], args: argparse.Namespace) -> None:
+    """Refuse outputs that cannot hold the pixels, exist, coincide, or are inputs."""
+    sources = [Path(args.calibration), *(header.path for header in headers)]
+    contents = [(output, header.mode, str(header.path)) for output, header in zip(outputs, headers, strict=True)]
+    if args.mask is not None:
+        contents.append((args.mask, "L", "the mask"))
+        if args.mask.suffix.lower() in (".jpg", ".jpeg"):
+            raise ArgumentError(f"--mask: expected a lossless format, got {args.mask}; use .png")
+    directory = None if outputs == [Path(args.output)] else Path(args.output)  # made later if it does not exist
+    taken: dict[str, str] = {}
+    for path, mode, what in contents:
+        imagefile.check_format(path, mode, what)
+        other = taken.setdefault(os.path.normcase(os.path.realpath(path)), what)
+        if other is not what:
+            raise ArgumentError(f"{path}: expected one output per image, got it from {other} and {what}; rename one")
+        if path.exists() and any(source.exists() and path.samefile(source) for source in sources):
+            raise ArgumentError(f"{path}: expected an output, got an input; give another name, also with --force")
+        check_output(path, may_exist=args.force, may_make=path.parent == directory)
+
+
+def _rehearse(headers: list[imagefile.Header], options: dict[str, Any]) -> None:
+    """Warp one pixel of each kind of image, so that what the core refuses is refused before any work."""
+    one = ipm_rs.Lut.from_maps(np.zeros((1, 1), np.float32), np.zeros((1, 1), np.float32), source_size=(1, 1))
+    for header in {header.mode: header for header in headers}.values():
+        try:
+            one.warp(header.blank(), **options)
+        except IpmError as error:
+            raise type(error)(f"{header.path} (mode {header.mode}): {error}") from error
+
+
+def _why_blind(camera: ipm_rs.Camera, grid: ipm_rs.BevGrid, ground: float) -> str:
+    """Say why no cell of the grid is seen, as far as the geometry tells."""
+    x, y, z = camera.position
+    forward, left, up = camera.vehicle_from_camera[:3, 2]
+    heading, climb = math.degrees(math.atan2(left, forward)), math.degrees(math.atan2(up, math.hypot(forward, left)))
+    corners = np.array([(corner_x, corner_y) for corner_x in grid.x for corner_y in grid.y])
+    _, depth, _ = camera.project(corners, ground=ground)
+    reason = "the grid is outside its image" if (depth > 0).any() else "the whole grid is behind it"
+    return (
+        f"no cell of the grid is seen by the camera: camera at ({x:.2f}, {y:.2f}, {z:.2f}) m, looks "
+        f"{abs(heading):.1f} degrees to the {'left' if heading >= 0 else 'right'} of +x and {abs(climb):.1f} degrees "
+        f"{'up' if climb > 0 else 'down'}; {reason}; check --x, --y, --ground and the calibration"
+    )
