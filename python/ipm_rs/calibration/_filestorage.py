@@ -1,0 +1,220 @@
+"""OpenCV's FileStorage in its three forms, YAML, JSON and XML, as one plain mapping.
+
+A matrix becomes a float64 array of shape (rows, cols), or (rows, cols, channels) where its ``dt`` says so ("3d"):
+
+* YAML: ``!!opencv-matrix`` over ``rows, cols, dt, data``;
+* JSON: an object with ``"type_id": "opencv-matrix"`` (OpenCV 3.2 and newer);
+* XML: an element with ``type_id="opencv-matrix"`` below ``<opencv_storage>``.
+
+OpenCV 5 writes arrays of one dimension as ``opencv-nd-matrix``, with ``sizes`` in place of rows and cols.
+
+A mapping with ``rows``, ``cols`` and ``data`` without a tag, as ROS writes it, counts as a matrix too. Plain lists stay
+lists. Nothing else of the file is interpreted. XML with a DOCTYPE, which is where entities come from, is refused.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+import xml.parsers.expat
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ipm_rs.calibration._yaml import MAX_DEPTH, MAX_VALUES, Tagged, parse_yaml, scalar
+from ipm_rs.errors import CalibrationError
+
+__all__ = ["parse_storage", "plain"]
+
+_TYPES = ("opencv-matrix", "opencv-nd-matrix")
+_WORD = re.compile(r'"([^"]*)"|([^\s"]+)')
+_COMMENT = re.compile(r"^\s*//.*$", re.MULTILINE)
+_SPECIAL = re.compile(r"(?<=[\s:,\[])(-?)\.(?:(Nan)|Inf)(?=\s*[,\]}])")
+_DT = re.compile(r"\s*([0-9]{0,2})([ucwsifdh])\s*")
+
+
+def parse_storage(text: str, origin: str) -> dict[str, Any]:
+    """Parse a FileStorage file of any form; the first character decides which.
+
+    Raises
+    ------
+    CalibrationError
+        It is none of the three, or a matrix in it has not the size that it says.
+    MissingExtraError
+        It is YAML, and PyYAML is not installed.
+    """
+    start = text.lstrip()[:1]
+    if start == "<":
+        content = _parse_xml(text, origin)
+    elif start == "{":
+        content = _parse_json(text, origin)
+    else:
+        content = parse_yaml(text, origin)
+    if not isinstance(content, dict):
+        raise CalibrationError(
+            f"{origin}: expected named values at the top, got {type(content).__name__}; "
+            "pass the file that cv2.FileStorage wrote"
+        )
+    result: dict[str, Any] = plain(content, origin)
+    return result
+
+
+def plain(value: Any, origin: str, name: str = "", depth: int = 0) -> Any:
+    """Replace every matrix in `value` by its array; `name` is where we are, for messages."""
+    if depth > MAX_DEPTH:
+        raise CalibrationError(
+            f"{origin}: {name[:60]}...: expected at most {MAX_DEPTH} levels, got more; no calibration nests so deep"
+        )
+    if isinstance(value, Tagged):
+        return _matrix(value.content, f"{origin}: {name}")
+    if isinstance(value, Mapping):
+        if value.get("type_id") in _TYPES or {"rows", "cols", "data"} <= value.keys():
+            return _matrix(value, f"{origin}: {name}")
+        return {
+            str(key): plain(item, origin, f"{name}.{key}" if name else str(key), depth + 1)
+            for key, item in value.items()
+        }
+    if isinstance(value, (list, tuple)):
+        return [plain(item, origin, f"{name}[{index}]", depth + 1) for index, item in enumerate(value)]
+    return value
+
+
+def _matrix(content: Mapping[Any, Any], where: str) -> NDArray[np.float64]:
+    shape = []
+    if "sizes" in content:
+        sizes = content["sizes"]
+        counts = [("sizes", count) for count in (sizes if isinstance(sizes, list) and sizes else [sizes])]
+    else:
+        counts = [(key, content.get(key)) for key in ("rows", "cols")]
+    for key, count in counts:
+        if isinstance(count, bool) or not isinstance(count, int) or not 0 <= count <= MAX_VALUES:
+            raise CalibrationError(f"{where}: {key}: expected a count, got {count!r:.60}; write the number of {key}")
+        shape.append(count)
+    if "dt" in content:
+        dt = _DT.fullmatch(content["dt"]) if isinstance(content["dt"], str) else None
+        if dt is None:
+            raise CalibrationError(
+                f'{where}: dt: expected one type such as d or "3d", got {content["dt"]!r:.60}; correct it'
+            )
+        shape.extend([int(dt[1])] if dt[1] and dt[1] != "1" else [])
+    data = content.get("data")
+    if isinstance(data, np.ndarray):
+        data = data.tolist()
+    if not isinstance(data, (list, tuple)):
+        raise CalibrationError(
+            f"{where}: data: expected a list of numbers, got {data!r:.60}; write the matrix's numbers"
+        )
+    if len(data) != math.prod(shape) or len(shape) > 8:
+        raise CalibrationError(
+            f"{where}: data: expected {' x '.join(map(str, shape[:9]))} numbers, got {len(data)}; "
+            "the file may be cut short, fetch it again"
+        )
+    for value in data:
+        if isinstance(value, bool) or not isinstance(value, (int, float)):
+            raise CalibrationError(f"{where}: data: expected numbers, got {value!r:.60}; correct it")
+    return np.array([_float(value) for value in data], dtype=np.float64).reshape(shape)
+
+
+def _float(value: float) -> float:
+    try:
+        return float(value)
+    except OverflowError:  # an integer beyond float64 is no better than infinity, which the readers refuse
+        return math.inf
+
+
+def _parse_json(text: str, origin: str) -> Any:
+    def unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+        content = dict(pairs)
+        if len(content) != len(pairs):
+            keys = [key for key, _ in pairs]
+            repeated = next(key for key in keys if keys.count(key) > 1)
+            raise CalibrationError(f"{origin}: expected every key once, got {repeated!r} repeated; keep one")
+        return content
+
+    # OpenCV's own additions to JSON: lines that are comments, and .Nan and .Inf.
+    text = _SPECIAL.sub(lambda word: "NaN" if word[2] else f"{word[1]}Infinity", _COMMENT.sub("", text))
+    try:
+        return json.loads(text, object_pairs_hook=unique)
+    except CalibrationError:
+        raise
+    except (ValueError, RecursionError) as error:
+        raise CalibrationError(
+            f"{origin}: expected JSON, got text that is not: {error}; the file may be cut short, fetch it again"
+        ) from error
+
+
+class _Xml:
+    """Elements below ``<opencv_storage>`` as mappings, lists (elements named ``_``), arrays and scalars."""
+
+    def __init__(self, origin: str) -> None:
+        self.origin = origin
+        self.stack: list[tuple[str, dict[str, str], dict[str, Any], list[Any], list[str]]] = []
+        self.root: Any = None
+        self.count = 0
+
+    def start(self, name: str, attributes: dict[str, str]) -> None:
+        if not self.stack and name != "opencv_storage":
+            raise CalibrationError(
+                f"{self.origin}: expected <opencv_storage>, got <{name[:40]}>; pass a file that cv2.FileStorage wrote"
+            )
+        self.count += 1
+        if len(self.stack) > MAX_DEPTH or self.count > MAX_VALUES:
+            raise CalibrationError(
+                f"{self.origin}: expected at most {MAX_DEPTH} levels and {MAX_VALUES} values, got more; "
+                "no calibration file is so large"
+            )
+        self.stack.append((name, attributes, {}, [], []))
+
+    def text(self, text: str) -> None:
+        self.stack[-1][4].append(text)
+
+    def end(self, _name: str) -> None:
+        name, attributes, children, items, texts = self.stack.pop()
+        value: Any
+        if children:
+            value = children
+            if attributes.get("type_id") in _TYPES:
+                data = children.get("data", [])
+                data = data if isinstance(data, list) else [data]
+                value = {**children, "type_id": attributes["type_id"], "data": data}
+        elif items:
+            value = items
+        else:
+            words = [word[1] if word[2] is None else scalar(word[2]) for word in _WORD.finditer("".join(texts))]
+            value = words[0] if len(words) == 1 else words
+        if not self.stack:
+            self.root = value
+            return
+        _, _, siblings, listed, _ = self.stack[-1]
+        if name == "_":
+            listed.append(value)
+        elif name in siblings:
+            raise CalibrationError(f"{self.origin}: expected every key once, got <{name[:40]}> repeated; keep one")
+        else:
+            siblings[name] = value
+
+    def doctype(self, *_: Any) -> None:
+        raise CalibrationError(
+            f"{self.origin}: expected plain elements, got a DOCTYPE; remove it, calibration files need no entities"
+        )
+
+
+def _parse_xml(text: str, origin: str) -> Any:
+    # The text is decoded already; the encoding that its first line may claim is passed over.
+    parser = xml.parsers.expat.ParserCreate(encoding="utf-8")
+    parser.buffer_text = True
+    builder = _Xml(origin)
+    parser.StartElementHandler = builder.start
+    parser.EndElementHandler = builder.end
+    parser.CharacterDataHandler = builder.text
+    parser.StartDoctypeDeclHandler = builder.doctype
+    try:
+        parser.Parse(text.encode("utf-8"), True)
+    except xml.parsers.expat.ExpatError as error:
+        raise CalibrationError(
+            f"{origin}: expected XML, got text that is not: {error}; the file may be cut short, fetch it again"
+        ) from error
+    return builder.root
