@@ -117,6 +117,28 @@ class Camera:
             CalibrationError: a key is missing or its value cannot be right.
             FileError, MissingFileError: the file cannot be read.
         """
+    @classmethod
+    def load(
+        cls, path: str | PathLike[str], image_size: Sequence[int] | None = None, camera: str | int | None = None
+    ) -> Camera:
+        """A camera from a calibration file (or a dataset's directory) whose format is recognised.
+
+        Which format was taken is logged at level INFO by the logger "ipm_rs.calibration", and returned by
+        `ipm_rs.calibration.recognise`. A format without a pose gives a camera at the origin that looks along +x.
+
+        Args:
+            path: the file or directory.
+            image_size: (width, height) in pixels, for formats that do not hold it; where the file does, the two must
+                agree.
+            camera: which one, where the file holds several: a name or a number, as the format has it.
+
+        Raises:
+            CalibrationError: no format fits (the message lists what was tried and what each lacked), the content cannot
+                be right, or something that the file lacks was not given.
+            ArgumentError: `camera` was given for a file that holds one only.
+            FileError, MissingFileError: the file cannot be read.
+            MissingExtraError: the format needs PyYAML or pyarrow, which are not installed.
+        """
     @property
     def intrinsics(self) -> NDArray[np.float64]:
         """K, (3, 3) float64, pixels."""

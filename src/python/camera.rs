@@ -83,22 +83,6 @@ impl PyCamera {
         Ok(Self { camera: Camera::from_euler(pinhole(K, lens)?, size, position, roll, pitch, yaw)? })
     }
 
-    /// A camera from a Cityscapes camera file or dict.
-    #[classmethod]
-    #[pyo3(signature = (source, *, image_size = None), text_signature = "(source, *, image_size=(2048, 1024))")]
-    fn from_cityscapes<'py>(
-        cls: &Bound<'py, PyType>,
-        source: &Bound<'py, PyAny>,
-        image_size: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<Bound<'py, PyAny>> {
-        // readers know files, this class knows cameras: the one upward call
-        let keywords = PyDict::new(cls.py());
-        if let Some(image_size) = image_size {
-            keywords.set_item("image_size", image_size)?;
-        }
-        cls.py().import("ipm_rs.calibration.cityscapes")?.call_method("read", (source,), Some(&keywords))
-    }
-
     /// K, (3, 3) float64.
     #[getter]
     fn intrinsics<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {

@@ -16,6 +16,7 @@
 //! another thread does so at its own risk, as with NumPy itself.
 
 mod camera;
+mod camera_readers;
 mod convert;
 mod direct;
 mod error;

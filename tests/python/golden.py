@@ -132,3 +132,13 @@ SAMPLE_POINTS = np.array(
     dtype=np.float64,
 )
 SAMPLE_OFF_IMAGE = [(7.0, 10.0), (7.0, -10.0), (6.0, 0.0)]
+
+# Vehicle to camera in the camera's own forward-left-up axes, for pitch 0.038, yaw -0.0195, position (1.7, 0.1, 1.22):
+# the example of the dataset's own notebook on 3D boxes.
+SENSOR_T_ISO_8855 = np.array(
+    [
+        [0.9990881051503779, -0.01948468779721943, -0.03799085532693703, -1.6501524664770573],
+        [0.019498764210995674, 0.9998098810245096, 0.0, -0.1331288872611436],
+        [0.03798363254444427, -0.0007407747301939942, 0.9992780868764849, -1.2836173638418473],
+    ]
+)

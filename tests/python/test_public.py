@@ -31,7 +31,7 @@ FUNCTIONS = (
 )
 MEMBERS = {
     "Camera": (
-        "from_euler from_cityscapes intrinsics lens image_size camera_from_vehicle vehicle_from_camera position "
+        "from_euler from_cityscapes load intrinsics lens image_size camera_from_vehicle vehicle_from_camera position "
         "project ground_from_pixels resized cropped with_pose"
     ),
     "BevGrid": "shape x y resolution sample_at xy cell_from_ground ground_from_cell",
@@ -135,7 +135,7 @@ def test_keywords_stay_keywords():
         ipm_rs.Lut.from_maps: ("source_size",),
         ipm_rs.Lut.from_homography: ("size", "source_size"),
         ipm_rs.Camera.from_euler: ("image_size", "position", "roll", "pitch", "yaw", "lens"),
-        ipm_rs.Camera.from_cityscapes: ("image_size",),
+        ipm_rs.Camera.from_cityscapes load: ("image_size",),
         ipm_rs.Camera.project: ("ground",),
         ipm_rs.Camera.ground_from_pixels: ("ground",),
         ipm_rs.BevGrid: ("x", "y", "resolution", "sample_at"),

@@ -1,0 +1,46 @@
+//! `Camera.from_<format>`, `Camera.load`: readers know files, this class knows cameras. The one upward call.
+
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyTuple, PyType};
+
+use super::camera::PyCamera;
+
+/// Calls a function of `ipm_rs.calibration`, which is imported at the first call.
+fn read<'py>(
+    class: &Bound<'py, PyType>,
+    module: &str,
+    function: &str,
+    arguments: &Bound<'py, PyTuple>,
+    keywords: Option<&Bound<'py, PyDict>>,
+) -> PyResult<Bound<'py, PyAny>> {
+    class.py().import(format!("ipm_rs.calibration{module}"))?.call_method(function, arguments, keywords)
+}
+
+/// A class method for each line: its name, its signature as Python shows it (that of the function), and the function.
+macro_rules! readers {
+    ($($(#[$doc:meta])* $name:ident $signature:literal => $module:literal $function:literal;)*) => {
+        #[pymethods]
+        impl PyCamera {
+            $(
+                $(#[$doc])*
+                #[classmethod]
+                #[pyo3(signature = (*arguments, **keywords), text_signature = $signature)]
+                fn $name<'py>(
+                    class: &Bound<'py, PyType>,
+                    arguments: &Bound<'py, PyTuple>,
+                    keywords: Option<&Bound<'py, PyDict>>,
+                ) -> PyResult<Bound<'py, PyAny>> {
+                    read(class, $module, $function, arguments, keywords)
+                }
+            )*
+        }
+    };
+}
+
+// A test holds the signatures against those of the functions.
+readers! {
+    /// A camera from a calibration file whose format is recognised.
+    load "(path, image_size=None, camera=None)" => "" "load";
+    /// A camera from a Cityscapes camera file or dict.
+    from_cityscapes "(source, *, image_size=(2048, 1024))" => ".cityscapes" "read";
+}

@@ -1,0 +1,210 @@
+"""What holds for the reader of every format: recognised, read, and nothing but our errors whatever the bytes."""
+
+from __future__ import annotations
+
+import inspect
+import json
+import logging
+
+import pytest
+from calibration_samples import SAMPLES, Sample
+from helpers import refuses
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+import ipm_rs
+from ipm_rs import calibration, errors
+
+each_sample = pytest.mark.parametrize("sample", SAMPLES.values(), ids=SAMPLES.keys())
+
+
+def load(sample: Sample, directory):
+    return ipm_rs.Camera.load(sample.write(directory), **sample.options)
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# The registry
+
+
+def test_every_format_has_its_class_method_with_the_same_signature():
+    for name in calibration.FORMATS:
+        method, read = getattr(ipm_rs.Camera, f"from_{name}"), calibration.reader(name).read
+        given = [(p.name, p.kind, p.default) for p in inspect.signature(method).parameters.values()]
+        assert given == [(p.name, p.kind, p.default) for p in inspect.signature(read).parameters.values()], name
+        assert method.__doc__.strip()
+    given = inspect.signature(ipm_rs.Camera.load).parameters
+    assert list(given) == list(inspect.signature(calibration.load).parameters)
+
+
+def test_every_format_says_its_frames():
+    for name in calibration.FORMATS:
+        module = calibration.reader(name)
+        assert module.TITLE
+        for word in ("ground=", "pixel", "forward"):
+            assert word in module.__doc__, f"{name} does not say its {word!r}"
+
+
+def test_every_format_has_a_sample():
+    assert {sample.format for sample in SAMPLES.values()} == set(calibration.FORMATS)
+
+
+def test_unknown_format_name():
+    with refuses(errors.ArgumentError, "expected one of", "cityscapes", "kitty"):
+        calibration.reader("kitty")
+
+
+@each_sample
+def test_recognised_and_read(sample, tmp_path, caplog):
+    path = sample.write(tmp_path)
+    assert calibration.recognise(path) == sample.format
+    with caplog.at_level(logging.INFO, logger="ipm_rs.calibration"):
+        camera = ipm_rs.Camera.load(path, **sample.options)
+    assert f"read as {sample.format}" in caplog.text and str(path) in caplog.text
+    assert camera == getattr(ipm_rs.Camera, f"from_{sample.format}")(path, **sample.options)
+
+
+@each_sample
+def test_no_other_format_claims_it(sample, tmp_path):
+    document = calibration.open_document(sample.write(tmp_path), "")
+    for name in calibration.FORMATS:
+        try:
+            lacks = calibration.reader(name).missing(document)
+        except errors.IpmError:
+            continue
+        assert (lacks is None) == (name == sample.format), name
+
+
+@each_sample
+def test_image_size_is_checked_against_the_file(sample, tmp_path):
+    camera = load(sample, tmp_path)
+    options = {**sample.options, "image_size": camera.image_size}
+    assert ipm_rs.Camera.load(sample.write(tmp_path), **options) == camera
+    if "image_size" in inspect.signature(calibration.reader(sample.format).read).parameters:
+        return
+    with refuses(errors.CalibrationError, "image_size", "expected"):
+        ipm_rs.Camera.load(sample.write(tmp_path), **{**options, "image_size": (17, 19)})
+
+
+@each_sample
+def test_camera_is_refused_where_there_is_one(sample, tmp_path):
+    if "camera" in inspect.signature(calibration.reader(sample.format).read).parameters:
+        return
+    with refuses(errors.ArgumentError, "camera: expected none", "'left'"):
+        ipm_rs.Camera.load(sample.write(tmp_path), **{**sample.options, "camera": "left"})
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# What is no calibration
+
+
+@pytest.mark.parametrize(
+    "data", [b"", b"{}", b"[]", b"3", b"\xff\xfe", b"hello: world\n", b"a,b\n1,2\n", b"\x89PNG\r\n"]
+)
+def test_no_known_format(data, tmp_path):
+    path = tmp_path / "file.txt"
+    path.write_bytes(data)
+    with refuses(errors.CalibrationError, str(path), "tried", *calibration.FORMATS):
+        ipm_rs.Camera.load(path)
+
+
+def test_no_known_format_in_a_directory(tmp_path):
+    with refuses(errors.CalibrationError, str(tmp_path), "tried", "cityscapes (a directory)"):
+        ipm_rs.Camera.load(tmp_path)
+
+
+def test_no_such_file(tmp_path):
+    with refuses(errors.MissingFileError, "nowhere.json", "check the path"):
+        ipm_rs.Camera.load(tmp_path / "nowhere.json")
+
+
+@pytest.mark.parametrize("path", [None, 3, {}, b"x"], ids=lambda path: type(path).__name__)
+def test_path_of_another_type(path):
+    with refuses(errors.ArgumentTypeError, "expected a path", type(path).__name__):
+        ipm_rs.Camera.load(path)
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Whatever the bytes: a camera or one of our errors
+
+TOKENS = [b"nan", b"-", b"1e999", b"0", b"\n", b"[", b"{", b'"']
+fuzzed = settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+
+
+def harmless(sample: Sample, files: dict[str, bytes], directory) -> None:
+    """Read mutated files both ways."""
+    changed = Sample(sample.format, files, sample.source or next(iter(sample.files)), sample.options)
+    path = changed.write(directory)
+    for read in (ipm_rs.Camera.load, getattr(ipm_rs.Camera, f"from_{sample.format}")):
+        try:
+            camera = read(path, **sample.options)
+        except errors.IpmError as error:
+            assert len(str(error)) < 8000
+        else:
+            assert isinstance(camera, ipm_rs.Camera)
+
+
+@each_sample
+@pytest.mark.parametrize("share", [0.0, 0.1, 0.3, 0.5, 0.7, 0.9, 0.97])
+def test_cut_short(sample, share, tmp_path):
+    for name, data in sample.files.items():
+        harmless(sample, {**sample.files, name: data[: int(share * len(data))]}, tmp_path)
+
+
+@each_sample
+@fuzzed
+@given(data=st.data())
+def test_any_bytes_changed(sample, data, tmp_path):
+    name = data.draw(st.sampled_from(sorted(sample.files)))
+    content = bytearray(sample.files[name])
+    for _ in range(data.draw(st.integers(1, 4))):
+        at = data.draw(st.integers(0, len(content) - 1))
+        new = data.draw(st.one_of(st.binary(max_size=3), st.sampled_from(TOKENS)))
+        content[at : at + data.draw(st.integers(0, 4))] = new
+    harmless(sample, {**sample.files, name: bytes(content)}, tmp_path)
+
+
+values = st.one_of(
+    st.none(), st.booleans(), st.integers(), st.floats(), st.text(max_size=5), st.just(10**400), st.just([]),
+    st.just({}), st.lists(st.floats(), max_size=17), st.just([[0.0] * 3] * 3), st.just([[0.0] * 4] * 4), st.just(-1.0), st.just(0),
+)  # fmt: skip
+
+
+def places(content, path=()):
+    """Paths of everything in a JSON document."""
+    yield path
+    inner = content.items() if isinstance(content, dict) else enumerate(content) if isinstance(content, list) else ()
+    for key, value in inner:
+        yield from places(value, (*path, key))
+
+
+def changed(content, path, value, action):
+    """A copy with one place replaced, removed or given twice."""
+    if not path:
+        return value
+    content = json.loads(json.dumps(content))
+    parent = content
+    for key in path[:-1]:
+        parent = parent[key]
+    if action == "replace":
+        parent[path[-1]] = value
+    elif action == "remove":
+        del parent[path[-1]]
+    elif isinstance(parent, list):
+        parent.append(value)
+    else:
+        parent[f"{path[-1]}x"] = parent.pop(path[-1])
+    return content
+
+
+@each_sample
+@fuzzed
+@given(data=st.data())
+def test_any_json_value_changed(sample, data, tmp_path):
+    documents = {name: content for name, content in sample.files.items() if name.endswith(".json")}
+    if not documents:
+        return
+    name = data.draw(st.sampled_from(sorted(documents)))
+    content = json.loads(documents[name])
+    path = data.draw(st.sampled_from(list(places(content))))
+    content = changed(content, path, data.draw(values), data.draw(st.sampled_from(["replace", "remove", "other"])))
+    harmless(sample, {**sample.files, name: json.dumps(content).encode()}, tmp_path)
