@@ -97,9 +97,7 @@ def test_camera_is_refused_where_there_is_one(sample, tmp_path):
 # What is no calibration
 
 
-@pytest.mark.parametrize(
-    "data", [b"", b"{}", b"[]", b"3", b"\xff\xfe", b"hello: world\n", b"a,b\n1,2\n", b"\x89PNG\r\n"]
-)
+@pytest.mark.parametrize("data", [b"", b"{}", b"[]", b"3", b"\xff\xfe", b"hello: world\n", b"\x89PNG"])
 def test_no_known_format(data, tmp_path):
     path = tmp_path / "file.txt"
     path.write_bytes(data)
@@ -165,7 +163,8 @@ def test_any_bytes_changed(sample, data, tmp_path):
 
 values = st.one_of(
     st.none(), st.booleans(), st.integers(), st.floats(), st.text(max_size=5), st.just(10**400), st.just([]),
-    st.just({}), st.lists(st.floats(), max_size=17), st.just([[0.0] * 3] * 3), st.just([[0.0] * 4] * 4), st.just(-1.0), st.just(0),
+    st.just({}), st.lists(st.floats(), max_size=17), st.just(-1.0), st.just(0),
+    st.just([[0.0] * 3] * 3), st.just([[0.0] * 4] * 4),
 )  # fmt: skip
 
 
