@@ -69,8 +69,10 @@ METHOD = """\
   nearest it is the share of cells that took another pixel. What exceeds the tolerance is marked "no", and is timed
   but not compared with in the first table. Tolerances: one grey level for uint8, a quarter of a grey level in 256 for
   uint16 and float32, 0.1 % of the cells for nearest.
-* All libraries run in one process per thread count, interleaved: in each round each call runs once untimed and four
-  times timed, in rotating order, garbage collection off. Slow libraries take part in fewer rounds.
+* One process per thread count. ipm_rs and OpenCV take turns, in rotating order, garbage collection off: each call runs
+  twice untimed, so that it finds its own data in the caches, and then four times timed. The other libraries take turns
+  among themselves afterwards, slow ones for fewer rounds: a call of 30 ms between them leaves neither ipm_rs nor OpenCV
+  the clock and the caches that they have side by side, and what it took from each was not the same.
 * Results go into memory allocated beforehand where the library takes it (ipm_rs, OpenCV, SciPy). Maps, tables,
   tensors and planes are prepared beforehand for everyone.
 * *Ratio* is the median of the other library divided by the median of ipm_rs.
@@ -129,20 +131,16 @@ def page(results: dict[str, Any]) -> str:
     return "".join(parts) + METHOD
 
 
-def _cells(rows: list[list[Any]]) -> list[str]:
-    if not rows:
+def _cells(series: dict[str, list[list[Any]]]) -> list[str]:
+    if not series:
         return []
-    text = (
-        "\n## Time per valid cell, uint8 x 3, bilinear, one thread\n\n"
-        "Square grids from 10 m to 50 m ahead: more and more cells, then less and less of the image's width.\n\n"
-    )
-    lines = [[name, f"{time:.3f}", f"{per_cell:.2f}"] for name, time, per_cell in rows]
-    spread = max(row[2] for row in rows) / min(row[2] for row in rows)
-    return [
-        text,
-        _table(["", "median, ms", "ns per valid cell"], lines),
-        f"\nThe dearest valid cell takes {spread:.2f} times as long as the cheapest.\n",
-    ]
+    parts = ["\n## Time per valid cell, uint8 x 3, bilinear, one thread\n\n"]
+    for rows in series.values():
+        lines = [[name, f"{time:.3f}", f"{per_cell:.2f}"] for name, time, per_cell in rows]
+        spread = max(row[2] for row in rows) / min(row[2] for row in rows)
+        parts.append(_table(["", "median, ms", "ns per valid cell"], lines))
+        parts.append(f"\nThe dearest valid cell takes {spread:.2f} times as long as the cheapest.\n\n")
+    return parts
 
 
 def _python_threads(rows: dict[str, list[float]]) -> list[str]:

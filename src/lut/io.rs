@@ -1,5 +1,5 @@
 //! A table as bytes and back, for pickles. Little-endian:
-//! magic (8), checksum of what follows (8), rows, columns, width, height, runs, taps (`u32` each), then how many runs each row has (`u32`), all runs, the taps of all cells but those outside
+//! magic (8), checksum of what follows (8), rows, columns, width, height, runs, taps (`u32` each), then how many runs each row has (`u32`), all runs (`u16`), the taps of all cells but those outside
 //! (offset `u32`, x `u16`, y `u16`).
 
 use super::Lut;
@@ -8,7 +8,7 @@ use crate::camera::check_image_size;
 use crate::error::{Error, Result};
 use crate::grid::check_cells;
 
-const MAGIC: &[u8; 8] = b"ipm_rs\x00\x01";
+const MAGIC: &[u8; 8] = b"ipm_rs\x00\x02";
 
 impl Lut {
     /// The table as bytes, the same on every machine.
@@ -64,12 +64,12 @@ impl Lut {
             return Err(damaged("its shape is impossible"));
         }
         // u64: none of these can overflow, and nothing is allocated before the length is known to be right
-        let length = 4 * rows as u64 + 4 * runs as u64 + 8 * taps as u64;
+        let length = 4 * rows as u64 + 2 * runs as u64 + 8 * taps as u64;
         if body.len() as u64 != length {
             return Err(damaged("its length does not fit its header"));
         }
         let (counts, body) = body.split_at(4 * rows);
-        let (run_bytes, tap_bytes) = body.split_at(4 * runs);
+        let (run_bytes, tap_bytes) = body.split_at(2 * runs);
         let mut table = Table::empty((rows, columns), source)?;
         let mut reader = Reader { runs: run_bytes, taps: tap_bytes, source };
         let bands = table.bands.iter_mut().zip(table.taps.chunks_mut(band_rows(columns) * columns));
@@ -106,8 +106,8 @@ impl Reader<'_> {
     ) -> Result<usize, &'static str> {
         let short = "its rows do not fit its header";
         let (mut cells, mut kept) = (0, 0);
-        for run in take(&mut self.runs, runs.saturating_mul(4)).ok_or(short)?.chunks_exact(4) {
-            let run = Run(le_u32(run));
+        for run in take(&mut self.runs, runs.saturating_mul(2)).ok_or(short)?.chunks_exact(2) {
+            let run = Run(u16::from_le_bytes([run[0], run[1]]));
             cells += run.cells();
             if cells > columns {
                 break;

@@ -1,7 +1,10 @@
 //! The packed table: for every cell of the output, where on the source it samples.
 //!
-//! A row is a sequence of [runs](Run) of cells of one [kind](RunKind); cells that see the image have a [`Tap`]. One table serves every dtype, channel count and row stride, nearest and bilinear: 8 bytes for a cell and
-//! 4 for a run, so at most 12 bytes a cell whatever the maps are.
+//! A row is a sequence of [runs](Run) of cells of one [kind](RunKind); cells that see the image have a [`Tap`]. One table
+//! serves every dtype, channel count and row stride, nearest and bilinear: 8 bytes for a cell, 2 for a run and 8 for a
+//! row, so at most 12 bytes a cell whatever the maps are, if a row has four cells.
+
+use std::ops::Range;
 
 use super::kernels::{Kinds, quantise, quantise_one};
 use super::tap::framed;
@@ -11,15 +14,19 @@ use crate::error::{Error, Result};
 use crate::grid::check_cells;
 use crate::parallel;
 
-/// A run of cells of one kind: the kind in the top two bits, the number of cells in the others.
+/// A run of cells of one kind: the kind in the top two bits, the number of cells in the others. Longer runs are several.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct Run(pub(super) u32);
+pub(crate) struct Run(pub(super) u16);
 
 impl Run {
-    const KIND_SHIFT: u32 = 30;
+    const KIND_SHIFT: u32 = 14;
+    const MAX_CELLS: usize = (1 << Self::KIND_SHIFT) - 1;
 
-    fn new(kind: RunKind, cells: u32) -> Self {
-        Self((kind as u32) << Self::KIND_SHIFT | cells)
+    /// The runs of so many neighbouring cells of one kind.
+    fn of(kind: RunKind, cells: usize) -> impl Iterator<Item = Self> {
+        (0..cells)
+            .step_by(Self::MAX_CELLS)
+            .map(move |first| Self((kind as u16) << Self::KIND_SHIFT | (cells - first).min(Self::MAX_CELLS) as u16))
     }
 
     pub(super) fn kind(self) -> RunKind {
@@ -27,7 +34,7 @@ impl Run {
     }
 
     pub(super) fn cells(self) -> usize {
-        (self.0 & ((1 << Self::KIND_SHIFT) - 1)) as usize
+        usize::from(self.0) & Self::MAX_CELLS
     }
 
     /// Taps that the run has.
@@ -83,7 +90,7 @@ impl RowRuns {
         quantise(isa, us, vs, source, taps, scratch);
         let mut kept = 0;
         for (kind, cells) in scratch.runs() {
-            self.runs.push(Run::new(kind, cells.len() as u32));
+            self.runs.extend(Run::of(kind, cells.len()));
             let own = kept..kept + cells.len();
             match kind {
                 RunKind::Outside => continue,
@@ -199,12 +206,40 @@ impl Table {
         size_of_val(&*self.taps) + self.bands.iter().map(runs).sum::<usize>()
     }
 
+    /// The band that `row` is in.
+    #[inline]
+    pub(crate) fn band(&self, row: usize) -> Band<'_> {
+        let band_rows = band_rows(self.columns);
+        let (index, first) = (row / band_rows, row / band_rows * band_rows);
+        let rows = first..(first + band_rows).min(self.rows);
+        Band { rows, runs: &self.bands[index], taps: &self.taps[first * self.columns..] }
+    }
+
     /// The segments of a row, from left to right, without a gap.
     #[inline]
     pub(crate) fn row(&self, row: usize) -> impl Iterator<Item = Segment<'_>> {
-        let band_rows = band_rows(self.columns);
-        let taps = &self.taps[row / band_rows * band_rows * self.columns..];
-        self.bands[row / band_rows].segments(row % band_rows, taps)
+        self.band(row).segments(row)
+    }
+}
+
+/// Neighbouring rows of a table that were packed together.
+pub(crate) struct Band<'a> {
+    pub(crate) rows: Range<usize>,
+    runs: &'a RowRuns,
+    taps: &'a [Tap],
+}
+
+impl<'a> Band<'a> {
+    /// How many cells of these rows of the band are not outside.
+    pub(crate) fn cells_with_taps(&self, rows: Range<usize>) -> usize {
+        let begin = |row| self.runs.begin(row - self.rows.start).tap;
+        (begin(rows.end) - begin(rows.start)) as usize
+    }
+
+    /// The segments of a row of the band, from left to right, without a gap.
+    #[inline]
+    pub(crate) fn segments(&self, row: usize) -> impl Iterator<Item = Segment<'a>> + use<'a> {
+        self.runs.segments(row - self.rows.start, self.taps)
     }
 }
 
@@ -244,7 +279,7 @@ mod tests {
 
     #[test]
     fn a_tap_is_eight_bytes_and_a_run_four() {
-        assert_eq!((size_of::<Tap>(), size_of::<Run>()), (8, 4));
+        assert_eq!((size_of::<Tap>(), size_of::<Run>()), (8, 2));
     }
 
     #[test]
@@ -323,13 +358,33 @@ mod tests {
 
     #[test]
     fn at_most_twelve_bytes_a_cell_also_where_every_cell_is_a_run_of_its_own() {
-        let cells = 200_000;
-        let table = Table::build((1, cells), (3, 3), Isa::Scalar, |_, us, vs| {
-            for (column, (u, v)) in us.iter_mut().zip(vs).enumerate() {
-                [*u, *v] = [[0.5, 0.5], [2.5, 2.5]][column % 2];
+        for (rows, columns) in [(1, 200_000), (50_000, 4), (300, 301)] {
+            let cells = rows * columns;
+            let table = Table::build((rows, columns), (3, 3), Isa::Scalar, |_, us, vs| {
+                for (column, (u, v)) in us.iter_mut().zip(vs).enumerate() {
+                    [*u, *v] = [[0.5, 0.5], [2.5, 2.5]][column % 2];
+                }
+            })
+            .unwrap();
+            assert_eq!(table.row(0).count(), columns);
+            assert!(table.nbytes() <= 12 * cells, "{} of {cells}", table.nbytes());
+        }
+    }
+
+    #[test]
+    fn runs_longer_than_their_number_are_several() {
+        for columns in [16_382, 16_383, 16_384, 50_000] {
+            let table = Table::build((2, columns), (3, 3), Isa::Scalar, |row, us, vs| {
+                us.fill([0.5, f64::NAN][row]);
+                vs.fill(0.5);
+            })
+            .unwrap();
+            for row in 0..2 {
+                let segments: Vec<_> = table.row(row).collect();
+                assert_eq!(segments.len(), columns.div_ceil(16_383));
+                assert_eq!(segments.iter().map(|segment| segment.cells).sum::<usize>(), columns);
+                assert_eq!(segments.iter().map(|s| s.taps.len()).sum::<usize>(), [columns, 0][row]);
             }
-        })
-        .unwrap();
-        assert!(table.nbytes() <= 12 * cells + 64, "{}", table.nbytes());
+        }
     }
 }

@@ -80,8 +80,9 @@ pub(super) fn framed(x: i64, y: i64, width: u32) -> u32 {
 /// (x, y) of an offset made by [`framed`].
 #[inline]
 pub(crate) fn unframed(offset: u32, width: u32) -> (i64, i64) {
-    let stride = i64::from(width) + 2;
-    (i64::from(offset) % stride - 1, i64::from(offset) / stride - 1)
+    // in 32 bits, which take half the time of a division in 64: the framed source has no more pixels than that
+    let stride = width + 2;
+    (i64::from(offset % stride) - 1, i64::from(offset / stride) - 1)
 }
 
 #[cfg(test)]

@@ -181,7 +181,7 @@ fn run<T: Sample>(
             border_mode.fold(vs, image.height());
             runs.clear();
             runs.push(isa, (us, vs), source_size, taps, kinds);
-            warp_segments(runs.segments(0, taps), &source, cells, &kernels);
+            warp_segments(runs.segments(0, taps), &source, cells, &kernels, false);
         }
     });
     Ok(())

@@ -13,7 +13,7 @@ use std::slice;
 use crate::error::{Error, Result};
 use crate::image::{ImageView, ImageViewMut, RowsMut, Sample};
 use crate::lut::Lut;
-use crate::lut::table::{RunKind, Segment};
+use crate::lut::table::{RunKind, Segment, Table};
 use crate::parallel;
 use kernels::{RowKernels, Source};
 
@@ -139,13 +139,11 @@ fn run<T: Sample>(
         return Err(Error::OutputShape { expected, got: out.shape() });
     }
     let border = options.border(channels, images.len())?;
-    let warp_rows = |index: usize, first: usize, band: RowsMut<'_, T>| {
+    let warp_band = |index: usize, first: usize, band: RowsMut<'_, T>| {
         // of one value for each channel, all; of one for each plane, its own
         let own = if border.len() == channels { 0 } else { index % border.len() };
         let source = Source::new(&images[index], &border[own..own + channels]);
-        for (row, cells) in (first..).zip(band) {
-            warp_segments(lut.table().row(row), &source, cells, &kernels);
-        }
+        warp_rows(lut.table(), first, band, &source, &kernels);
     };
     let threads = options.threads_for(rows * columns * images.len(), channels)?;
     let even = parallel::rows_per_band(rows * images.len(), columns, threads);
@@ -155,7 +153,7 @@ fn run<T: Sample>(
         let together = WarpOptions::<T>::images_together(rows * columns, channels);
         parallel::for_each(threads, outs.chunks_mut(together).enumerate(), |(job, outs)| {
             for (index, out) in (job * together..).zip(outs) {
-                warp_rows(index, 0, out.rows());
+                warp_band(index, 0, out.rows());
             }
         });
     } else {
@@ -163,22 +161,53 @@ fn run<T: Sample>(
         let count = outs.len();
         let mut bands: Vec<_> = outs.iter_mut().map(|out| out.bands(band_rows)).collect();
         let jobs = (0..).map_while(|job| Some((job % count, bands[job % count].next()?)));
-        parallel::for_each(threads, jobs, |(index, (first, band))| warp_rows(index, first, band));
+        parallel::for_each(threads, jobs, |(index, (first, band))| warp_band(index, first, band));
     }
     Ok(())
 }
 
-/// Fills one output row, segment by segment.
+/// Where most cells are outside, the border value goes into so many bytes at once and the others are written over it:
+/// 64 KiB, which a core's own cache holds meanwhile. The C library's memset then does not read what it overwrites; the
+/// same bytes in pieces of half a row took three times as long.
+const FILL_BYTES: usize = 1 << 16;
+
+/// Fills neighbouring rows of the output, of which the first is row `first` of the table.
+fn warp_rows<T: Sample>(
+    table: &Table,
+    first: usize,
+    mut rows: RowsMut<'_, T>,
+    source: &Source<'_, T>,
+    kernels: &RowKernels<T>,
+) {
+    let row_bytes = table.columns() * source.channels() * size_of::<T>();
+    let piece_rows = (FILL_BYTES / row_bytes).max(1);
+    let mut first = first;
+    while rows.remaining() > 0 {
+        let band = table.band(first);
+        let end = band.rows.end.min(first + piece_rows.min(rows.remaining()));
+        let mostly_outside = 2 * band.cells_with_taps(first..end) < (end - first) * table.columns();
+        let piece = if mostly_outside { rows.flat(end - first) } else { None };
+        let filled = piece.map(|cells| source.fill_border(cells)).is_some();
+        for (row, cells) in (first..end).zip(rows.by_ref()) {
+            warp_segments(band.segments(row), source, cells, kernels, filled);
+        }
+        first = end;
+    }
+}
+
+/// Fills one output row, segment by segment; those outside only if not `filled`.
 fn warp_segments<'a, T: Sample>(
     segments: impl Iterator<Item = Segment<'a>>,
     source: &Source<'_, T>,
     cells: &mut [T],
     kernels: &RowKernels<T>,
+    filled: bool,
 ) {
     let channels = source.channels();
     for segment in segments {
         let cells = &mut cells[segment.first * channels..(segment.first + segment.cells) * channels];
         match segment.kind {
+            RunKind::Outside if filled => {}
             RunKind::Outside => source.fill_border(cells),
             RunKind::Inside => (kernels.inside)(source, segment.taps, cells),
             RunKind::Rim | RunKind::Halo => (kernels.edge)(source, segment.taps, cells),

@@ -246,3 +246,23 @@ def test_memory_does_not_grow(lut):
         turn()
     # 800 rounds of some 100 kB: a leak of any of them shows
     assert resident_megabytes() - before < 5
+
+
+@pytest.mark.parametrize("border_value", [0, 7, (1, 2, 3)])
+@pytest.mark.parametrize("interpolation", INTERPOLATIONS)
+@pytest.mark.parametrize("threads", [1, 2])
+def test_a_grid_that_is_mostly_outside(interpolation: str, border_value: object, threads: int) -> None:
+    """Where most cells are outside, contiguous rows are filled together; strided ones never are."""
+    rows, columns = np.mgrid[0:700, 0:500].astype(np.float64)
+    wedge = ipm_rs.Lut.from_maps((columns - 250) * 100 / (1 + rows), 200.0 - rows, source_size=(50, 40))
+    assert 0 < wedge.mask.mean() < 0.1
+    image = textured(40, 50, 3)
+    padded = np.full((700, 501, 3), 99, np.uint8)
+    options = {"interpolation": interpolation, "border_value": border_value, "threads": threads}
+    apart = wedge.warp(image, out=padded[:, :500], **options)
+    together = wedge.warp(image, out=np.full((700, 500, 3), 99, np.uint8), **options)
+    assert same(together, apart)
+    assert (padded[:, 500] == 99).all()
+    map_x, _ = wedge.maps(outside=np.nan)
+    assert (together[np.isnan(map_x)] == border_value).all()
+    assert wedge.mask.any(axis=1).sum() > 30

@@ -92,7 +92,11 @@ impl<T: Sample> RowKernels<T> {
         let special = special::nearest(isa, channels * size_of::<T>());
         Self {
             inside: special.unwrap_or_else(|| Self::nearest_scalar(channels, contiguous)),
-            edge: scalar::nearest_edge,
+            edge: match channels {
+                1 => scalar::nearest_edge::<T, 1>,
+                3 => scalar::nearest_edge::<T, 3>,
+                _ => scalar::nearest_edge::<T, 0>,
+            },
         }
     }
 
@@ -111,7 +115,12 @@ impl<T: Bilinear> RowKernels<T> {
     /// Bilinear.
     pub(crate) fn bilinear(isa: Isa, channels: usize, contiguous: bool) -> Self {
         let inside = T::special(isa, channels).unwrap_or_else(|| Self::bilinear_scalar(channels, contiguous));
-        Self { inside, edge: scalar::bilinear_edge }
+        let edge = match channels {
+            1 => scalar::bilinear_edge::<T, 1>,
+            3 => scalar::bilinear_edge::<T, 3>,
+            _ => scalar::bilinear_edge::<T, 0>,
+        };
+        Self { inside, edge }
     }
 
     fn bilinear_scalar(channels: usize, contiguous: bool) -> RowKernel<T> {

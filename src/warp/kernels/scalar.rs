@@ -37,8 +37,8 @@ pub(super) fn nearest<T: Sample, const CHANNELS: usize, const CONTIGUOUS: bool>(
 }
 
 /// Cells on the rim and in the halo: the nearest pixel if it exists.
-pub(super) fn nearest_edge<T: Sample>(source: &Source<'_, T>, taps: &[Tap], cells: &mut [T]) {
-    for (tap, cell) in taps.iter().zip(cells.chunks_exact_mut(source.channels())) {
+pub(super) fn nearest_edge<T: Sample, const CHANNELS: usize>(source: &Source<'_, T>, taps: &[Tap], cells: &mut [T]) {
+    for (tap, cell) in taps.iter().zip(cells.chunks_exact_mut(channels::<T, CHANNELS>(source))) {
         let (x, y) = unframed(tap.offset, source.image.width() as u32);
         cell.copy_from_slice(source.pixel_or_border(x + i64::from(tap.step_x()), y + i64::from(tap.step_y())));
     }
@@ -66,12 +66,14 @@ pub(super) fn bilinear<T: Bilinear, const CHANNELS: usize, const CONTIGUOUS: boo
 
 /// Cells on the rim and in the halo: missing pixels count as the border value. A pixel without weight is not looked
 /// at, so that a NaN border does not reach valid cells on the last column.
-pub(super) fn bilinear_edge<T: Bilinear>(source: &Source<'_, T>, taps: &[Tap], cells: &mut [T]) {
-    for (tap, cell) in taps.iter().zip(cells.chunks_exact_mut(source.channels())) {
+pub(super) fn bilinear_edge<T: Bilinear, const CHANNELS: usize>(source: &Source<'_, T>, taps: &[Tap], cells: &mut [T]) {
+    let channels = channels::<T, CHANNELS>(source);
+    for (tap, cell) in taps.iter().zip(cells.chunks_exact_mut(channels)) {
         let weights = T::weights(tap.fx(), tap.fy());
         let (x, y) = unframed(tap.offset, source.image.width() as u32);
         let (right, below) = (x + i64::from(tap.fx() != 0), y + i64::from(tap.fy() != 0));
-        let pixels = [(x, y), (right, y), (x, below), (right, below)].map(|(x, y)| source.pixel_or_border(x, y));
+        let pixels =
+            [(x, y), (right, y), (x, below), (right, below)].map(|(x, y)| &source.pixel_or_border(x, y)[..channels]);
         for (channel, value) in cell.iter_mut().enumerate() {
             *value = <T as Blend>::blend(weights, pixels.map(|pixel| pixel[channel]));
         }
