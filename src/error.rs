@@ -30,6 +30,28 @@ pub enum Error {
         /// Which of the conditions fails.
         problem: &'static str,
     },
+    /// A lens with another number of coefficients than its model has.
+    #[error("{lens}: expected {expected} coefficients, got {got}")]
+    LensCoefficients {
+        /// The model.
+        lens: &'static str,
+        /// Their number, and what they are.
+        expected: &'static str,
+        /// How many came.
+        got: usize,
+    },
+    /// A lens parameter that its model cannot have.
+    #[error("{lens}: {name}: expected {expected}, got {got}")]
+    LensParameter {
+        /// The model.
+        lens: &'static str,
+        /// The parameter's name.
+        name: &'static str,
+        /// What it must be.
+        expected: &'static str,
+        /// The number that came.
+        got: f64,
+    },
     /// An image size with no pixels, or too large to be addressed.
     #[error(
         "{what}: expected (width, height) of at least 1 x 1 and fewer than 2^32 pixels with a frame of one pixel, got {width} x {height}"

@@ -32,7 +32,9 @@ mod parallel;
 mod python;
 pub mod warp;
 
-pub use camera::{Camera, Pinhole, Projection};
+pub use camera::{
+    BrownConrady, Camera, DoubleSphere, Eucm, KannalaBrandt, Lens, Mei, Ocam, Pinhole, Projection, RadialPolynomial,
+};
 pub use cpu::{Isa, cpu_features};
 pub use error::{Error, Result};
 pub use grid::{BevGrid, MAX_CELLS, SampleAt};

@@ -1,7 +1,7 @@
 """The Rust core. Import its names from `ipm_rs`."""
 
 from os import PathLike
-from typing import Any, Literal, Protocol, SupportsIndex, TypedDict, TypeVar, final
+from typing import Any, Literal, Protocol, SupportsIndex, TypeAlias, TypedDict, TypeVar, final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -10,8 +10,15 @@ from collections.abc import Mapping, Sequence
 
 __all__ = [
     "BevGrid",
+    "BrownConrady",
     "Camera",
+    "DoubleSphere",
+    "Eucm",
+    "KannalaBrandt",
     "Lut",
+    "Mei",
+    "Ocam",
+    "RadialPolynomial",
     "__version__",
     "cpu_info",
     "flip_handedness",
@@ -42,9 +49,260 @@ class _CpuInfo(TypedDict):
     platform: str
     build: str
 
+_Lens: TypeAlias = BrownConrady | KannalaBrandt | Mei | DoubleSphere | Eucm | RadialPolynomial | Ocam
+
+@final
+class BrownConrady:
+    """Brown-Conrady, also called plumb_bob and radtan: OpenCV's lens. Immutable, comparable, hashable, picklable.
+
+    With `x = X / Z`, `y = Y / Z`, `s = x^2 + y^2`, `L = (1 + k1 s + k2 s^2 + k3 s^3) / (1 + k4 s + k5 s^2 + k6 s^3)`:
+    `x' = x L + 2 p1 x y + p2 (s + 2 x^2) + s1 s + s2 s^2`, `y' = y L + p1 (s + 2 y^2) + 2 p2 x y + s3 s + s4 s^2`, then
+    the homography of a tilted sensor; `pixel = K (x', y', 1)`. Source: OpenCV, calib3d, "Detailed Description".
+
+    The domain is the largest circle around the axis in which the image does not fold back: up to the first zero of the
+    radial derivative, or of the Jacobian where tangential, prism or tilt terms bend it.
+    """
+
+    def __new__(cls, coefficients: ArrayLike, *, max_angle: float | None = None) -> BrownConrady:
+        """A lens from its coefficients.
+
+        Args:
+            coefficients: k1, k2, p1, p2[, k3[, k4, k5, k6[, s1, s2, s3, s4[, tau_x, tau_y]]]]: 4, 5, 8, 12 or 14 of them in
+                the order of OpenCV and ROS.
+            max_angle: radians from the axis beyond which nothing is seen, where a lens's calibration or image circle ends
+                before its own limit; None for that limit.
+
+        Raises:
+            CalibrationError: a number is not finite or cannot be right, or their count is another.
+            ArgumentError, ArgumentTypeError: no list of numbers.
+        """
+    @property
+    def coefficients(self) -> list[float]:
+        """As given."""
+    @property
+    def max_angle(self) -> float:
+        """The validity limit, radians from the axis: directions beyond it have no image."""
+    def __eq__(self, other: object, /) -> bool: ...
+    def __ne__(self, other: object, /) -> bool: ...
+    def __hash__(self) -> int: ...
+    def __reduce__(self) -> tuple[Any, tuple[Any, ...]]: ...
+
+@final
+class KannalaBrandt:
+    """Kannala-Brandt with four coefficients: equidistant, fisheye, KB4. Immutable, comparable, hashable, picklable.
+
+    With `r = sqrt(X^2 + Y^2)`, `t = atan2(r, Z)`: `rho = t (1 + k1 t^2 + k2 t^4 + k3 t^6 + k4 t^8)`,
+    `pixel = K (X rho / r, Y rho / r, 1)`. It holds beyond 90 degrees, where `cv2.fisheye` does not. Source: Kannala and
+    Brandt 2006; OpenCV, calib3d, "Fisheye camera model". The domain ends where rho stops growing.
+    """
+
+    def __new__(cls, coefficients: ArrayLike, *, max_angle: float | None = None) -> KannalaBrandt:
+        """A lens from its coefficients.
+
+        Args:
+            coefficients: k1, k2, k3, k4.
+            max_angle: radians from the axis beyond which nothing is seen, where a lens's calibration or image circle ends
+                before its own limit; None for that limit.
+
+        Raises:
+            CalibrationError: a number is not finite or cannot be right, or they are not 4.
+            ArgumentError, ArgumentTypeError: no list of numbers.
+        """
+    @property
+    def coefficients(self) -> list[float]:
+        """As given."""
+    @property
+    def max_angle(self) -> float:
+        """The validity limit, radians from the axis: directions beyond it have no image."""
+    def __eq__(self, other: object, /) -> bool: ...
+    def __ne__(self, other: object, /) -> bool: ...
+    def __hash__(self) -> int: ...
+    def __reduce__(self) -> tuple[Any, tuple[Any, ...]]: ...
+
+@final
+class Mei:
+    """The unified omnidirectional camera with radtan, as in KITTI-360, Kalibr (`omni`) and `cv2.omnidir`. Immutable,
+    comparable, hashable, picklable.
+
+    `(x, y) = (X, Y) / (Z + xi |P|)`, then k1, k2, p1, p2 as in `BrownConrady`, then K. Source: Mei and Rives 2007. The
+    domain is `Z > -w |P|`, `w = 1 / xi` if xi > 1 else xi, and ends sooner where radtan folds back.
+    """
+
+    def __new__(cls, xi: float, coefficients: ArrayLike, *, max_angle: float | None = None) -> Mei:
+        """A lens from its parameters.
+
+        Args:
+            xi: distance of the projection centre from the sphere's, at least 0.
+            coefficients: k1, k2, p1, p2.
+            max_angle: radians from the axis beyond which nothing is seen, where a lens's calibration or image circle ends
+                before its own limit; None for that limit.
+
+        Raises:
+            CalibrationError: a number is not finite or cannot be right, or the coefficients are not 4.
+            ArgumentError, ArgumentTypeError: no list of numbers.
+        """
+    @property
+    def xi(self) -> float:
+        """Distance of the projection centre from the sphere's."""
+    @property
+    def coefficients(self) -> list[float]:
+        """As given."""
+    @property
+    def max_angle(self) -> float:
+        """The validity limit, radians from the axis: directions beyond it have no image."""
+    def __eq__(self, other: object, /) -> bool: ...
+    def __ne__(self, other: object, /) -> bool: ...
+    def __hash__(self) -> int: ...
+    def __reduce__(self) -> tuple[Any, tuple[Any, ...]]: ...
+
+@final
+class DoubleSphere:
+    """Double sphere, basalt's and Kalibr's `ds`. Immutable, comparable, hashable, picklable.
+
+    `d1 = |P|`, `k = xi d1 + Z`, `d2 = sqrt(X^2 + Y^2 + k^2)`, `m = (X, Y) / (alpha d2 + (1 - alpha) k)`, `pixel = K (m, 1)`.
+    Source: Usenko, Demmel and Cremers 2018, whose domain it has: `Z > -w2 d1`.
+    """
+
+    def __new__(cls, xi: float, alpha: float, *, max_angle: float | None = None) -> DoubleSphere:
+        """A lens from its parameters.
+
+        Args:
+            xi: distance of the spheres' centres, above -1 and up to 1.
+            alpha: from 0 to 1.
+            max_angle: radians from the axis beyond which nothing is seen, where a lens's calibration or image circle ends
+                before its own limit; None for that limit.
+
+        Raises:
+            CalibrationError: a number is not finite or cannot be right.
+            ArgumentError, ArgumentTypeError: no list of numbers.
+        """
+    @property
+    def xi(self) -> float:
+        """Distance of the spheres' centres."""
+    @property
+    def alpha(self) -> float:
+        """The pinhole's shift is alpha / (1 - alpha)."""
+    @property
+    def max_angle(self) -> float:
+        """The validity limit, radians from the axis: directions beyond it have no image."""
+    def __eq__(self, other: object, /) -> bool: ...
+    def __ne__(self, other: object, /) -> bool: ...
+    def __hash__(self) -> int: ...
+    def __reduce__(self) -> tuple[Any, tuple[Any, ...]]: ...
+
+@final
+class Eucm:
+    """The enhanced unified camera model, Kalibr's and basalt's `eucm`. Immutable, comparable, hashable, picklable.
+
+    `d = sqrt(beta (X^2 + Y^2) + Z^2)`, `m = (X, Y) / (alpha d + (1 - alpha) Z)`, `pixel = K (m, 1)`. Source: Khomutenko,
+    Garcia and Martinet 2016. The domain is `Z > -w d`, `w = alpha / (1 - alpha)` up to alpha = 1/2, its inverse beyond.
+    """
+
+    def __new__(cls, alpha: float, beta: float, *, max_angle: float | None = None) -> Eucm:
+        """A lens from its parameters.
+
+        Args:
+            alpha: from 0 to 1.
+            beta: above 0.
+            max_angle: radians from the axis beyond which nothing is seen, where a lens's calibration or image circle ends
+                before its own limit; None for that limit.
+
+        Raises:
+            CalibrationError: a number is not finite or cannot be right.
+            ArgumentError, ArgumentTypeError: no list of numbers.
+        """
+    @property
+    def alpha(self) -> float:
+        """The pinhole's shift is alpha / (1 - alpha)."""
+    @property
+    def beta(self) -> float:
+        """The ellipsoid's shape."""
+    @property
+    def max_angle(self) -> float:
+        """The validity limit, radians from the axis: directions beyond it have no image."""
+    def __eq__(self, other: object, /) -> bool: ...
+    def __ne__(self, other: object, /) -> bool: ...
+    def __hash__(self) -> int: ...
+    def __reduce__(self) -> tuple[Any, tuple[Any, ...]]: ...
+
+@final
+class RadialPolynomial:
+    """WoodScape's `radial_poly`, a polynomial of the angle in pixels. Immutable, comparable, hashable, picklable.
+
+    With `r = sqrt(X^2 + Y^2)`, `t = atan2(r, Z)`: `rho = k1 t + k2 t^2 + k3 t^3 + k4 t^4` pixels,
+    `pixel = K (X rho / r, Y rho / r, 1)` with `K = [[1, 0, cx], [0, aspect, cy], [0, 0, 1]]`. Source: the WoodScape data
+    set. The domain ends where rho stops growing.
+    """
+
+    def __new__(cls, coefficients: ArrayLike, *, max_angle: float | None = None) -> RadialPolynomial:
+        """A lens from its coefficients.
+
+        Args:
+            coefficients: k1, k2, k3, k4 in pixels; k1 above 0.
+            max_angle: radians from the axis beyond which nothing is seen, where a lens's calibration or image circle ends
+                before its own limit; None for that limit.
+
+        Raises:
+            CalibrationError: a number is not finite or cannot be right, or they are not 4.
+            ArgumentError, ArgumentTypeError: no list of numbers.
+        """
+    @property
+    def coefficients(self) -> list[float]:
+        """As given."""
+    @property
+    def max_angle(self) -> float:
+        """The validity limit, radians from the axis: directions beyond it have no image."""
+    def __eq__(self, other: object, /) -> bool: ...
+    def __ne__(self, other: object, /) -> bool: ...
+    def __hash__(self) -> int: ...
+    def __reduce__(self) -> tuple[Any, tuple[Any, ...]]: ...
+
+@final
+class Ocam:
+    """Scaramuzza's polynomial of the radius, in pixels, as OCamCalib and MATLAB's `fisheyeIntrinsics` have it. Immutable,
+    comparable, hashable, picklable.
+
+    The pixel at distance rho from the centre looks along `(x, y, f(rho))`, `f = a0 + a1 rho + a2 rho^2 + ...`. This forward
+    polynomial is the definition; projection inverts it to rounding (the inverse polynomial of OCamCalib's files is a fit
+    of it, and is not used). Source: Scaramuzza, Martinelli and Siegwart 2006; OCamCalib's `cam2world`.
+
+    In OCamCalib's frame x counts rows down, y columns to the right, `row = c x + d y + xc`, `column = e x + y + yc`, and z
+    points out of the camera's back, so a0 < 0; MATLAB's has a0 > 0. Either sign is taken: the axis, rho = 0, looks
+    forward. In the optical frame `m = (X' + e Y', d X' + c Y')`, X' to the right and Y' down, and
+    `K = [[1, 0, yc], [0, 1, xc], [0, 0, 1]]`; MATLAB's 1-based xc and yc lose 1 first. The domain ends where the angle
+    stops growing with rho.
+    """
+
+    def __new__(cls, polynomial: ArrayLike, affine: Sequence[float] = (1.0, 0.0, 0.0), *, max_angle: float | None = None) -> Ocam:
+        """A lens from its forward polynomial.
+
+        Args:
+            polynomial: a0, a1, a2, ..., up to 12, constant first; a1 is 0 in OCamCalib's files and must be written.
+            affine: (c, d, e).
+            max_angle: radians from the axis beyond which nothing is seen, where a lens's calibration or image circle ends
+                before its own limit; None for that limit.
+
+        Raises:
+            CalibrationError: a number is not finite or cannot be right.
+            ArgumentError, ArgumentTypeError: no list of numbers.
+        """
+    @property
+    def polynomial(self) -> list[float]:
+        """a0, a1, a2, ... as given."""
+    @property
+    def affine(self) -> tuple[float, float, float]:
+        """(c, d, e)."""
+    @property
+    def max_angle(self) -> float:
+        """The validity limit, radians from the axis: directions beyond it have no image."""
+    def __eq__(self, other: object, /) -> bool: ...
+    def __ne__(self, other: object, /) -> bool: ...
+    def __hash__(self) -> int: ...
+    def __reduce__(self) -> tuple[Any, tuple[Any, ...]]: ...
+
 @final
 class Camera:
-    """A calibrated camera: intrinsics, image size and pose. Immutable, comparable, hashable, picklable.
+    """A calibrated camera: intrinsics, lens, image size and pose. Immutable, comparable, hashable, picklable.
 
     Frames: vehicle ISO 8855 (x forward, y left, z up), camera optical (x right, y down, z forward), metres; pixel (0, 0)
     is the centre of the top-left pixel.
@@ -57,7 +315,7 @@ class Camera:
         image_size: Sequence[int],
         camera_from_vehicle: ArrayLike | None = None,
         vehicle_from_camera: ArrayLike | None = None,
-        lens: None = None,
+        lens: _Lens | None = None,
     ) -> Camera:
         """A camera from its intrinsic matrix and its pose.
 
@@ -68,7 +326,7 @@ class Camera:
             camera_from_vehicle: (4, 4) rigid transform to the optical frame, `p_cam = R p_veh + t`; kept as given.
             vehicle_from_camera: the inverse, for who has that. With neither, the camera stands at the origin and looks
                 along +x.
-            lens: None, a pinhole.
+            lens: a lens model, or None for a pinhole.
 
         Raises:
             CalibrationError: K is no pinhole matrix, or the pose is not rigid (|R^T R - I| <= 1e-4, det R > 0).
@@ -84,7 +342,7 @@ class Camera:
         roll: float = 0.0,
         pitch: float = 0.0,
         yaw: float = 0.0,
-        lens: None = None,
+        lens: _Lens | None = None,
     ) -> Camera:
         """A camera from where it stands and how it is turned.
 
@@ -98,7 +356,7 @@ class Camera:
             roll: radians; positive lifts the left side.
             pitch: radians; positive looks down.
             yaw: radians; positive turns left.
-            lens: None, a pinhole.
+            lens: a lens model, or None for a pinhole.
 
         Raises:
             CalibrationError: a number is not finite, or K is no pinhole matrix.
@@ -143,7 +401,7 @@ class Camera:
     def intrinsics(self) -> NDArray[np.float64]:
         """K, (3, 3) float64, pixels."""
     @property
-    def lens(self) -> None:
+    def lens(self) -> _Lens | None:
         """The lens model beyond the pinhole; None for a pinhole."""
     @property
     def image_size(self) -> tuple[int, int]:
@@ -167,9 +425,23 @@ class Camera:
             ground: height of the road for (N, 2) points, 0 if not given; refused with (N, 3).
 
         Returns:
-            uv: (N, 2) float64 pixels; NaN only where a point has no image (behind the camera, not finite).
-            depth: (N,) float64, z in the camera frame, metres.
-            valid: (N,) bool, in front of the camera and inside the rectangle of pixel centres.
+            uv: (N, 2) float64 pixels; NaN only where a point has no image (behind the camera, outside the lens's domain,
+                not finite).
+            depth: (N,) float64, z in the camera frame, metres; negative behind, where a lens of more than 180 degrees
+                still sees.
+            valid: (N,) bool, has an image, inside the rectangle of pixel centres.
+
+        Raises:
+            ArgumentError, ArgumentTypeError: the shape or the type is wrong.
+        """
+    def unproject(self, uv: ArrayLike) -> NDArray[np.float64]:
+        """Pixels to the directions that they look along.
+
+        Args:
+            uv: (N, 2) pixels, also outside the image.
+
+        Returns:
+            (N, 3) float64 unit vectors in the vehicle frame; NaN outside the lens's domain.
 
         Raises:
             ArgumentError, ArgumentTypeError: the shape or the type is wrong.

@@ -1,7 +1,9 @@
-//! A calibrated camera: lens model, image size and pose.
+//! A calibrated camera: intrinsics, lens model, image size and pose.
 
+pub(crate) mod lens;
 mod pinhole;
 
+pub use lens::{BrownConrady, DoubleSphere, Eucm, KannalaBrandt, Lens, Mei, Ocam, RadialPolynomial};
 pub use pinhole::Pinhole;
 
 use nalgebra::{Matrix3, Vector3};
@@ -15,9 +17,9 @@ use crate::ground::Ground;
 pub struct Projection {
     /// (u, v) in pixels, (0, 0) the centre of the top-left pixel; NaN where the point has no image.
     pub pixel: [f64; 2],
-    /// z in the camera frame, metres; negative behind the camera.
+    /// z in the camera frame, metres; negative behind the camera, which a lens of more than 180 degrees still sees.
     pub depth: f64,
-    /// In front of the camera and inside the rectangle of pixel centres, `[0, width - 1] x [0, height - 1]`.
+    /// In front of the camera, in the lens's domain and inside the rectangle of pixel centres, `[0, width - 1] x [0, height - 1]`.
     pub valid: bool,
 }
 
@@ -26,22 +28,24 @@ pub struct Projection {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Camera {
     model: Pinhole,
+    lens: Option<Lens>,
     image_size: (u32, u32),
     camera_from_vehicle: Pose,
     vehicle_from_camera: Pose,
 }
 
 impl Camera {
-    /// A camera from its parts; `image_size` is (width, height).
+    /// A pinhole camera from its parts; `image_size` is (width, height). [`Camera::with_lens`] gives it a lens.
     ///
     /// # Errors
     /// [`Error::ImageSize`] where the image has no pixels or too many to be addressed.
     pub fn new(model: Pinhole, image_size: (u32, u32), camera_from_vehicle: Pose) -> Result<Self> {
         check_image_size("image_size", image_size.0.into(), image_size.1.into())?;
-        Ok(Self { model, image_size, camera_from_vehicle, vehicle_from_camera: camera_from_vehicle.inverse() })
+        let vehicle_from_camera = camera_from_vehicle.inverse();
+        Ok(Self { model, lens: None, image_size, camera_from_vehicle, vehicle_from_camera })
     }
 
-    /// A camera from where it stands and how it is turned: `R = (Rz(yaw) Ry(pitch) Rx(roll))^T`, `t = -R position`, then
+    /// A pinhole camera from where it stands and how it is turned: `R = (Rz(yaw) Ry(pitch) Rx(roll))^T`, `t = -R position`, then
     /// the optical axes. Angles in radians; positive pitch looks down. Source: Cityscapes csCalibration.pdf.
     ///
     /// # Errors
@@ -70,9 +74,19 @@ impl Camera {
         Pose::new("camera_from_vehicle", OPTICAL_FROM_FLU, Vector3::zeros()).expect("a permutation of axes is rigid")
     }
 
-    /// The lens model.
+    /// The same camera behind another lens; `None` is a pinhole.
+    pub fn with_lens(&self, lens: impl Into<Option<Lens>>) -> Self {
+        Self { lens: lens.into(), ..*self }
+    }
+
+    /// The intrinsics: what takes the lens's plane, or a pinhole's `(X / Z, Y / Z)`, to pixels.
     pub fn model(&self) -> &Pinhole {
         &self.model
+    }
+
+    /// The lens model beyond the pinhole.
+    pub fn lens(&self) -> Option<&Lens> {
+        self.lens.as_ref()
     }
 
     /// (width, height) of the image in pixels.
@@ -103,15 +117,34 @@ impl Camera {
     /// Where a point of the vehicle frame falls on the image.
     pub fn project(&self, point: &Vector3<f64>) -> Projection {
         let in_camera = self.camera_from_vehicle.transform(point);
-        match self.model.project(&in_camera) {
+        let pixel = match &self.lens {
+            None => self.model.project(&in_camera),
+            Some(lens) => lens.project(&in_camera).and_then(|seen| self.model.pixel(seen)),
+        };
+        match pixel {
             Some(pixel) => Projection { pixel, depth: in_camera.z, valid: self.sees(pixel) },
             None => Projection { pixel: [f64::NAN; 2], depth: in_camera.z, valid: false },
         }
     }
 
+    /// The unit direction, in the vehicle frame, that a pixel looks along; `None` where the lens has none, or the pixel
+    /// is not finite.
+    pub fn unproject(&self, pixel: [f64; 2]) -> Option<Vector3<f64>> {
+        Some((self.vehicle_from_camera.rotation() * self.ray(pixel)?).normalize())
+    }
+
+    /// A direction in the camera frame that a pixel looks along.
+    fn ray(&self, pixel: [f64; 2]) -> Option<Vector3<f64>> {
+        let ray = self.model.ray(pixel);
+        match &self.lens {
+            None => (ray.x.is_finite() && ray.y.is_finite()).then_some(ray),
+            Some(lens) => lens.unproject([ray.x, ray.y]),
+        }
+    }
+
     /// Where the ray through a pixel meets the road, in the vehicle frame; `None` where it does not.
     pub fn ground_from_pixel(&self, pixel: [f64; 2], ground: &Ground) -> Option<Vector3<f64>> {
-        let direction = self.vehicle_from_camera.rotation() * self.model.ray(pixel);
+        let direction = self.vehicle_from_camera.rotation() * self.ray(pixel)?;
         ground.intersect(&self.position(), &direction)
     }
 
@@ -180,7 +213,7 @@ impl std::fmt::Display for Camera {
         let metres = |value: f64| (value * 1e3).round() / 1e3 + 0.0; // never -0.000
         write!(
             f,
-            "Camera({width}x{height}, fx {:.2}, fy {:.2}, cx {:.2}, cy {:.2}, at x {:.3}, y {:.3}, z {:.3} m, looks {}, {}, {})",
+            "Camera({width}x{height}, fx {:.2}, fy {:.2}, cx {:.2}, cy {:.2}, at x {:.3}, y {:.3}, z {:.3} m, looks {}, {}, {}",
             k[(0, 0)],
             k[(1, 1)],
             k[(0, 2)],
@@ -191,7 +224,9 @@ impl std::fmt::Display for Camera {
             turned(pitch, "down", "up"),
             turned(yaw, "to the left", "to the right"),
             turned(roll, "left side up", "right side up"),
-        )
+        )?;
+        self.lens.as_ref().map_or(Ok(()), |lens| write!(f, ", {lens}"))?;
+        write!(f, ")")
     }
 }
 

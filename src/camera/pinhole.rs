@@ -57,7 +57,12 @@ impl Pinhole {
         if !(point.z > 0.0 && point.z < f64::INFINITY) {
             return None;
         }
-        let (x, y) = (point.x / point.z, point.y / point.z);
+        self.pixel([point.x / point.z, point.y / point.z])
+    }
+
+    /// The pixel of (x, y) on the plane that the matrix takes to pixels; `None` where it is not finite.
+    #[inline]
+    pub(super) fn pixel(&self, [x, y]: [f64; 2]) -> Option<[f64; 2]> {
         let pixel = [self.fx * x + self.skew * y + self.cx, self.fy * y + self.cy];
         (pixel[0].is_finite() && pixel[1].is_finite()).then_some(pixel)
     }

@@ -1,10 +1,10 @@
 //! Tables from a camera and a grid, from maps, and from a homography.
 
-use nalgebra::Matrix3;
+use nalgebra::{Matrix3, Vector3};
 
-use super::kernels::ProjectiveRow;
+use super::kernels::{BentRow, ProjectiveRow};
 use super::{Lut, table::Table};
-use crate::camera::{Camera, check_image_size};
+use crate::camera::{Camera, Lens, check_image_size};
 use crate::cpu::Isa;
 use crate::error::{Error, Result};
 use crate::grid::BevGrid;
@@ -20,11 +20,18 @@ impl Camera {
         let origin = image_from_vehicle.column(0) * x + image_from_vehicle.column(2) * height + offset;
         ProjectiveRow { origin, step: image_from_vehicle.column(1).into(), culled: true }
     }
+
+    /// The same behind a lens.
+    fn bent_row<'a>(&self, lens: &'a Lens, x: f64, ground: &Ground) -> BentRow<'a> {
+        let pose = self.camera_from_vehicle();
+        let origin = pose.transform(&Vector3::new(x, 0.0, ground.height_at(x, 0.0)));
+        BentRow { origin, step: pose.rotation().column(1).into(), intrinsics: self.intrinsics(), lens }
+    }
 }
 
 impl Lut {
     /// The table of a bird's-eye view: each cell of the grid samples the pixel that sees its road point. Cells behind
-    /// the camera or outside its image are invalid; nothing wraps.
+    /// the camera, outside its lens's domain or outside its image are invalid; nothing wraps.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`].
@@ -32,7 +39,11 @@ impl Lut {
         let isa = Isa::active()?;
         let ys: Vec<f64> = (0..grid.columns()).map(|column| grid.y_of_column(column as f64)).collect();
         let table = Table::build((grid.rows(), grid.columns()), camera.image_size(), isa, |row, us, vs| {
-            camera.ground_row(grid.x_of_row(row as f64), ground).fill(isa, &ys, us, vs);
+            let x = grid.x_of_row(row as f64);
+            match camera.lens() {
+                None => camera.ground_row(x, ground).fill(isa, &ys, us, vs),
+                Some(lens) => camera.bent_row(lens, x, ground).fill(isa, &ys, us, vs),
+            }
         })?;
         Ok(Self { table })
     }

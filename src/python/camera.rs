@@ -8,10 +8,10 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple, PyType};
 
 use super::convert::{
-    Floats, Reduced, float, floats, matrix_to_numpy, matrix3, matrix4, rebuilt_by_new, rows_to_numpy, size, type_name,
-    whole,
+    Floats, Reduced, float, floats, matrix_to_numpy, matrix3, matrix4, rebuilt_by_new, rows_to_numpy, size, whole,
 };
-use super::error::classes::{ArgumentError, ArgumentTypeError, CalibrationError};
+use super::error::classes::{ArgumentError, CalibrationError};
+use super::lens::{hash_lens, lens as lens_model, lens_to_python};
 use crate::geometry::Pose;
 use crate::{Camera, Ground, Pinhole, Projection};
 
@@ -30,6 +30,9 @@ impl Hash for PyCamera {
             (value + 0.0).to_bits().hash(state); // 0.0 and -0.0 are equal
         }
         self.camera.image_size().hash(state);
+        if let Some(lens) = self.camera.lens() {
+            hash_lens(lens, state);
+        }
     }
 }
 
@@ -55,7 +58,9 @@ impl PyCamera {
                 ));
             }
         };
-        Ok(Self { camera: Camera::new(pinhole(K, lens)?, size("image_size", image_size)?, pose)? })
+        Ok(Self {
+            camera: Camera::new(pinhole(K)?, size("image_size", image_size)?, pose)?.with_lens(lens_model(lens)?),
+        })
     }
 
     /// A camera from where it stands and how it is turned; radians, positive pitch looks down.
@@ -80,7 +85,8 @@ impl PyCamera {
         let position = position.map_or(Ok([0.0; 3]), |object| floats("position", "(x, y, z) in metres", object))?;
         let (roll, pitch, yaw) = (angle("roll", roll)?, angle("pitch", pitch)?, angle("yaw", yaw)?);
         let size = size("image_size", image_size)?;
-        Ok(Self { camera: Camera::from_euler(pinhole(K, lens)?, size, position, roll, pitch, yaw)? })
+        let camera = Camera::from_euler(pinhole(K)?, size, position, roll, pitch, yaw)?;
+        Ok(Self { camera: camera.with_lens(lens_model(lens)?) })
     }
 
     /// K, (3, 3) float64.
@@ -91,8 +97,8 @@ impl PyCamera {
 
     /// The lens model beyond the pinhole; None for a pinhole.
     #[getter]
-    fn lens(&self) -> Option<Py<PyAny>> {
-        None
+    fn lens<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
+        self.camera.lens().map(|lens| lens_to_python(py, lens)).transpose()
     }
 
     /// (width, height) in pixels.
@@ -152,6 +158,16 @@ impl PyCamera {
         Ok((uv, depth, valid))
     }
 
+    /// Pixels to unit directions in the vehicle frame; NaN outside the lens's domain.
+    fn unproject<'py>(&self, uv: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let floats = Floats::new("uv", "an (N, 2) array", uv)?;
+        let rows = floats.rows::<2>("uv")?;
+        let rays = uv.py().detach(|| {
+            rows.iter().map(|&pixel| self.camera.unproject(pixel).map_or([f64::NAN; 3], Into::into)).collect()
+        });
+        rows_to_numpy(uv.py(), rays)
+    }
+
     /// Pixels to road points; NaN where the ray misses the road.
     #[pyo3(signature = (uv, *, ground = None), text_signature = "(self, uv, *, ground=0.0)")]
     fn ground_from_pixels<'py>(
@@ -196,6 +212,9 @@ impl PyCamera {
         let keywords = PyDict::new(py);
         keywords.set_item("image_size", self.image_size())?;
         keywords.set_item("camera_from_vehicle", self.camera_from_vehicle(py)?)?;
+        if let Some(lens) = self.lens(py)? {
+            keywords.set_item("lens", lens)?;
+        }
         rebuilt_by_new(py.get_type::<Self>(), PyTuple::new(py, [self.intrinsics(py)?])?, keywords)
     }
 
@@ -204,12 +223,7 @@ impl PyCamera {
     }
 }
 
-fn pinhole(k: &Bound<'_, PyAny>, lens: Option<&Bound<'_, PyAny>>) -> PyResult<Pinhole> {
-    if let Some(lens) = lens {
-        let got = type_name(lens);
-        let message = format!("lens: expected None, a pinhole, got {got}; this version has no other, undistort first");
-        return Err(ArgumentTypeError::new_err(message));
-    }
+fn pinhole(k: &Bound<'_, PyAny>) -> PyResult<Pinhole> {
     Ok(Pinhole::from_matrix(&matrix3("K", k)?)?)
 }
 

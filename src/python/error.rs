@@ -22,9 +22,12 @@ impl From<Error> for PyErr {
     fn from(error: Error) -> Self {
         let message = error.to_string();
         match error {
-            Error::NotFinite { .. } | Error::Intrinsics { .. } | Error::NotRigid { .. } | Error::LastRow { .. } => {
-                classes::CalibrationError::new_err(message)
-            }
+            Error::NotFinite { .. }
+            | Error::Intrinsics { .. }
+            | Error::LensCoefficients { .. }
+            | Error::LensParameter { .. }
+            | Error::NotRigid { .. }
+            | Error::LastRow { .. } => classes::CalibrationError::new_err(message),
             Error::GridRange { .. }
             | Error::CellSize { .. }
             | Error::PartialCell { .. }

@@ -24,6 +24,7 @@ mod geometry;
 mod grid;
 mod image;
 mod layout;
+mod lens;
 mod lut;
 mod maps;
 mod options;
@@ -45,6 +46,8 @@ mod core_module {
     };
     #[pymodule_export]
     use super::grid::PyBevGrid;
+    #[pymodule_export]
+    use super::lens::{PyBrownConrady, PyDoubleSphere, PyEucm, PyKannalaBrandt, PyMei, PyOcam, PyRadialPolynomial};
     #[pymodule_export]
     use super::lut::PyLut;
     #[pymodule_export]

@@ -19,7 +19,8 @@ from ipm_rs import errors
 from ipm_rs.calibration import FORMATS
 
 FOLDER = pathlib.Path(ipm_rs.__file__).parent
-CLASSES = ("Camera", "BevGrid", "Lut")
+LENSES = ("BrownConrady", "KannalaBrandt", "Mei", "DoubleSphere", "Eucm", "RadialPolynomial", "Ocam")
+CLASSES = ("Camera", "BevGrid", "Lut", *LENSES)
 FUNCTIONS = (
     "flip_handedness",
     "flip_handedness_euler",
@@ -33,8 +34,15 @@ FUNCTIONS = (
 MEMBERS = {
     "Camera": (
         "from_euler load intrinsics lens image_size camera_from_vehicle vehicle_from_camera position "
-        "project ground_from_pixels resized cropped with_pose"
+        "project unproject ground_from_pixels resized cropped with_pose"
     ),
+    "BrownConrady": "coefficients max_angle",
+    "KannalaBrandt": "coefficients max_angle",
+    "Mei": "xi coefficients max_angle",
+    "DoubleSphere": "xi alpha max_angle",
+    "Eucm": "alpha beta max_angle",
+    "RadialPolynomial": "coefficients max_angle",
+    "Ocam": "polynomial affine max_angle",
     "BevGrid": "shape x y resolution sample_at xy cell_from_ground ground_from_cell",
     "Lut": "from_maps from_homography warp mask maps shape source_size nbytes",
 }

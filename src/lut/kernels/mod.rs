@@ -4,10 +4,12 @@
 //! build lacks), so that the compiler turns one body into vectors for each instruction set. Every operation is exact or
 //! correctly rounded and nothing is fused, so all give the same table to the last bit.
 
+mod bent;
 mod projective;
 mod quantise;
 mod widen;
 
+pub(crate) use bent::BentRow;
 pub(crate) use projective::ProjectiveRow;
 pub(crate) use quantise::{Kinds, quantise, quantise_one};
 pub(crate) use widen::widen;

@@ -1,0 +1,307 @@
+//! Brown-Conrady: radial, tangential, thin prism and tilt.
+
+use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
+
+use super::{Distort, coefficients, limit, listed, polynomial, shown};
+use crate::error::Result;
+
+/// Tangent of the largest angle from the axis at which a lens that bends is asked: beyond 89.99994 degrees there is nothing.
+const WIDEST: f64 = 1e6;
+
+/// OpenCV's model, also called plumb_bob and radtan. With `x = X / Z`, `y = Y / Z`, `s = x^2 + y^2`:
+///
+/// ```text
+/// L  = (1 + k1 s + k2 s^2 + k3 s^3) / (1 + k4 s + k5 s^2 + k6 s^3)
+/// x' = x L + 2 p1 x y + p2 (s + 2 x^2) + s1 s + s2 s^2
+/// y' = y L + p1 (s + 2 y^2) + 2 p2 x y + s3 s + s4 s^2
+/// ```
+///
+/// and for a tilted sensor the homography of `tau_x`, `tau_y`. Source: OpenCV, calib3d, "Detailed Description"; Brown 1966.
+///
+/// Its domain is the largest circle around the axis in which the Jacobian of (x', y') keeps a positive definite
+/// symmetric part (without thin prism terms the Jacobian is symmetric, so this is: a positive determinant). On a circle,
+/// which is convex, such a map is one-to-one. For a radial lens it ends at the first zero of the radial derivative.
+#[derive(Debug, Clone, Copy)]
+pub struct BrownConrady {
+    /// k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4 tau_x tau_y, zero where not given.
+    c: [f64; 14],
+    /// How many were given.
+    count: usize,
+    limit: Option<f64>,
+    /// Largest x^2 + y^2 of the domain.
+    end: f64,
+    tilt: Matrix3<f64>,
+}
+
+/// Lenses that do the same are equal, however many zeros were written out.
+impl PartialEq for BrownConrady {
+    fn eq(&self, other: &Self) -> bool {
+        self.c == other.c && self.end == other.end
+    }
+}
+
+/// [`BrownConrady`] of which the first N coefficients can be other than 0: 5, 8, 12 or 14.
+pub(crate) struct Terms<const N: usize>(pub(crate) BrownConrady);
+
+impl<const N: usize> Distort for Terms<N> {
+    #[inline(always)]
+    fn distort(&self, x: f64, y: f64, z: f64) -> (f64, f64) {
+        let w = if z > 0.0 { 1.0 / z } else { f64::NAN };
+        self.0.bend::<N>(x * w, y * w)
+    }
+}
+
+impl Distort for BrownConrady {
+    fn distort(&self, x: f64, y: f64, z: f64) -> (f64, f64) {
+        let w = if z > 0.0 { 1.0 / z } else { f64::NAN };
+        self.bend_any(x * w, y * w)
+    }
+}
+
+impl BrownConrady {
+    /// A lens from `k1, k2, p1, p2[, k3[, k4, k5, k6[, s1, s2, s3, s4[, tau_x, tau_y]]]]`, the order of OpenCV and ROS.
+    /// `max_angle`, radians from the axis, makes the domain smaller.
+    ///
+    /// # Errors
+    /// [`Error::LensCoefficients`](crate::Error::LensCoefficients) for another count than 4, 5, 8, 12 or 14,
+    /// [`Error::LensParameter`](crate::Error::LensParameter) for what is not finite, a tilt of 90 degrees or more, or a
+    /// limit that is none.
+    pub fn new(given: &[f64], max_angle: Option<f64>) -> Result<Self> {
+        const NAME: &str = "BrownConrady";
+        let expected = "4, 5, 8, 12 or 14 (k1, k2, p1, p2[, k3[, k4, k5, k6[, s1, s2, s3, s4[, tau_x, tau_y]]]])";
+        let c = coefficients::<14>(NAME, expected, &[4, 5, 8, 12, 14], given)?;
+        for angle in [c[12], c[13]] {
+            let holds = angle.abs() < std::f64::consts::FRAC_PI_2;
+            super::parameter(NAME, "tau", "a tilt in radians between -pi/2 and pi/2", angle, holds)?;
+        }
+        let mut lens = Self { c, count: given.len(), limit: max_angle, end: f64::INFINITY, tilt: tilt(c[12], c[13]) };
+        let limit = limit(NAME, max_angle)?;
+        let limit = if limit < std::f64::consts::FRAC_PI_2 { limit.tan() } else { f64::INFINITY };
+        lens.end = lens.radius().min(limit).powi(2);
+        Ok(lens)
+    }
+
+    /// k1, k2, p1, p2, ... as given.
+    pub fn coefficients(&self) -> &[f64] {
+        &self.c[..self.count]
+    }
+
+    /// All 14, zero where not given.
+    #[cfg(feature = "python")]
+    pub(crate) fn all_coefficients(&self) -> &[f64; 14] {
+        &self.c
+    }
+
+    /// The limit that was given.
+    pub fn limit(&self) -> Option<f64> {
+        self.limit
+    }
+
+    /// The validity limit, radians from the axis.
+    pub fn max_angle(&self) -> f64 {
+        self.end.sqrt().atan()
+    }
+
+    /// Largest radius of the domain on the plane z = 1.
+    pub(super) fn max_radius(&self) -> f64 {
+        self.end.sqrt()
+    }
+
+    /// 5, 8, 12 or 14: coefficients beyond them are 0.
+    pub(crate) fn terms(&self) -> usize {
+        let last = self.c.iter().rposition(|&value| value != 0.0).map_or(0, |index| index + 1);
+        [5, 8, 12, 14].into_iter().find(|&count| count >= last).unwrap_or(14)
+    }
+
+    /// Where the ray through (x, y, 1) is seen; NaN outside the domain.
+    #[inline(always)]
+    pub(super) fn bend<const N: usize>(&self, x: f64, y: f64) -> (f64, f64) {
+        let [k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4, ..] = self.c;
+        let s = x * x + y * y;
+        let s = if s <= self.end { s } else { f64::NAN };
+        let mut radial = 1.0 + s * (k1 + s * (k2 + s * k3));
+        if N >= 8 {
+            radial /= 1.0 + s * (k4 + s * (k5 + s * k6));
+        }
+        // p1 (s + 2 y^2) + 2 p2 x y = p1 s + 2 y (p1 y + p2 x)
+        let along = radial + 2.0 * (p1 * y + p2 * x);
+        let mut u = x * along + p2 * s;
+        let mut v = y * along + p1 * s;
+        if N >= 12 {
+            u += s * (s1 + s2 * s);
+            v += s * (s3 + s4 * s);
+        }
+        if N >= 14 {
+            let t = &self.tilt;
+            let w = 1.0 / (t[(2, 0)] * u + t[(2, 1)] * v + t[(2, 2)]);
+            (u, v) = ((t[(0, 0)] * u + t[(0, 1)] * v + t[(0, 2)]) * w, (t[(1, 0)] * u + t[(1, 1)] * v + t[(1, 2)]) * w);
+        }
+        (u, v)
+    }
+
+    fn bend_any(&self, x: f64, y: f64) -> (f64, f64) {
+        match self.terms() {
+            5 => self.bend::<5>(x, y),
+            8 => self.bend::<8>(x, y),
+            12 => self.bend::<12>(x, y),
+            _ => self.bend::<14>(x, y),
+        }
+    }
+
+    /// L and its derivative by s.
+    fn radial(&self, s: f64) -> (f64, f64) {
+        let [k1, k2, _, _, k3, k4, k5, k6, ..] = self.c;
+        let numerator = 1.0 + s * (k1 + s * (k2 + s * k3));
+        let denominator = 1.0 + s * (k4 + s * (k5 + s * k6));
+        let radial = numerator / denominator;
+        let slope = |a: f64, b: f64, c: f64| a + s * (2.0 * b + s * 3.0 * c);
+        (radial, (slope(k1, k2, k3) - radial * slope(k4, k5, k6)) / denominator)
+    }
+
+    /// The derivative of (x', y'), before the tilt, by (x, y).
+    pub(super) fn jacobian(&self, x: f64, y: f64) -> Matrix2<f64> {
+        let [_, _, p1, p2, _, _, _, _, s1, s2, s3, s4, ..] = self.c;
+        let s = x * x + y * y;
+        let (l, slope) = self.radial(s);
+        let (a, b) = (2.0 * (s1 + 2.0 * s2 * s), 2.0 * (s3 + 2.0 * s4 * s));
+        let mixed = 2.0 * (x * y * slope + p1 * x + p2 * y);
+        Matrix2::new(
+            l + 2.0 * x * x * slope + 2.0 * p1 * y + 6.0 * p2 * x + a * x,
+            mixed + a * y,
+            mixed + b * x,
+            l + 2.0 * y * y * slope + 6.0 * p1 * y + 2.0 * p2 * x + b * y,
+        )
+    }
+
+    /// The ray (x, y, 1) that is seen at m, or a guess that must be checked.
+    pub(super) fn unbend(&self, m: [f64; 2]) -> Option<[f64; 2]> {
+        let target = if self.c[12..] == [0.0, 0.0] {
+            Vector2::from(m)
+        } else {
+            let untilted = self.tilt.try_inverse()? * Vector3::new(m[0], m[1], 1.0);
+            Vector2::new(untilted.x / untilted.z, untilted.y / untilted.z)
+        };
+        let length = target.norm();
+        if length == 0.0 || !length.is_finite() {
+            return (length == 0.0).then_some([0.0; 2]); // the axis stays where it is
+        }
+        // the radial part alone, which is solved for sure
+        let end = self.end.sqrt().min(WIDEST);
+        let r = polynomial::root_of_increasing(end, length, |r| {
+            let (l, slope) = self.radial(r * r);
+            (r * l - length, l + 2.0 * r * r * slope)
+        });
+        let mut p = target * (r / length);
+        let [_, _, p1, p2, _, _, _, _, prism @ ..] = self.c;
+        if p1 == 0.0 && p2 == 0.0 && prism[..4] == [0.0; 4] {
+            return Some(p.into());
+        }
+        // then all of it: Newton, with shorter steps where one leads away or out
+        let error = |p: &Vector2<f64>| {
+            let (l, _) = self.radial(p.norm_squared());
+            let [_, _, p1, p2, _, _, _, _, s1, s2, s3, s4, ..] = self.c;
+            let (x, y, s) = (p.x, p.y, p.norm_squared());
+            let along = l + 2.0 * (p1 * y + p2 * x);
+            let seen = Vector2::new(x * along + p2 * s + s * (s1 + s2 * s), y * along + p1 * s + s * (s3 + s4 * s));
+            seen - target
+        };
+        let inside = |p: Vector2<f64>| if p.norm() > end { p * (end / p.norm()) } else { p };
+        p = inside(p);
+        let mut residual = error(&p);
+        for _ in 0..100 {
+            let Some(inverse) = self.jacobian(p.x, p.y).try_inverse() else { break };
+            let step = inverse * residual;
+            let shorter = |scale: f64| {
+                let next = inside(p - step * scale);
+                let after = error(&next);
+                (after.norm() < residual.norm()).then_some((next, after))
+            };
+            let Some((next, after)) = (0..20).find_map(|halvings| shorter(0.5f64.powi(halvings))) else { break };
+            (p, residual) = (next, after);
+        }
+        Some(p.into())
+    }
+
+    pub(super) fn undistort(&self, m: [f64; 2]) -> Option<Vector3<f64>> {
+        self.unbend(m).map(|[x, y]| Vector3::new(x, y, 1.0))
+    }
+
+    /// Where the domain ends on the plane z = 1, whatever the caller's limit.
+    fn radius(&self) -> f64 {
+        let [k1, k2, p1, p2, k3, k4, k5, k6, prism @ ..] = self.c;
+        if self.c == [0.0; 14] {
+            return f64::INFINITY;
+        }
+        // polynomials of r, not of r^2, because the tangential terms are odd
+        let n = [1.0, 0.0, k1, 0.0, k2, 0.0, k3];
+        let d = [1.0, 0.0, k4, 0.0, k5, 0.0, k6];
+        let (nd, dd) = (polynomial::product(&n, &d), polynomial::product(&d, &d));
+        // L D^2 = N D; the derivative of r L, times D^2, is N D + r (N' D - N D')
+        let cross = polynomial::sum(
+            1.0,
+            &polynomial::product(&polynomial::derivative(&n), &d),
+            -1.0,
+            &polynomial::product(&n, &polynomial::derivative(&d)),
+        );
+        let slope = polynomial::sum(1.0, &nd, 1.0, &polynomial::product(&[0.0, 1.0], &cross));
+        // In the frame of radius and tangent the Jacobian of radial and tangential terms, with a = r hypot(p1, p2) and
+        // an angle t, is [[g + 6 a cos t, 2 a sin t], [2 a sin t, L + 2 a cos t]], g the radial derivative. Its
+        // determinant is smallest at t = pi, (g - 6 a)(L - 2 a), as long as g + 3 L > 16 a.
+        let a = polynomial::product(&[0.0, p1.hypot(p2)], &dd);
+        let conditions = [
+            d.to_vec(),
+            polynomial::sum(1.0, &slope, -6.0, &a),
+            polynomial::sum(1.0, &nd, -2.0, &a),
+            polynomial::sum(1.0, &polynomial::sum(1.0, &slope, 3.0, &nd), -16.0, &a),
+        ];
+        let ends = conditions.iter().filter_map(|condition| polynomial::positive_until(condition, WIDEST));
+        let radius = ends.fold(WIDEST, f64::min);
+        if prism.iter().all(|&value| value == 0.0) { radius } else { self.radius_by_scan(radius) }
+    }
+
+    /// Where thin prism terms fold the image or a tilt takes it through infinity, looked for in all directions.
+    fn radius_by_scan(&self, end: f64) -> f64 {
+        const AZIMUTHS: u32 = 360;
+        const STEPS: u32 = 512;
+        let azimuths: Vec<_> =
+            (0..AZIMUTHS).map(|i| (f64::from(i) / f64::from(AZIMUTHS) * std::f64::consts::TAU).sin_cos()).collect();
+        let keeps = |r: f64| {
+            azimuths.iter().all(|&(sin, cos)| {
+                let (x, y) = (r * cos, r * sin);
+                let j = self.jacobian(x, y);
+                let mixed = 0.5 * (j[(0, 1)] + j[(1, 0)]);
+                let (u, v) = Self { end: f64::INFINITY, ..*self }.bend::<12>(x, y);
+                let t = &self.tilt;
+                j[(0, 0)] > 0.0
+                    && j[(0, 0)] * j[(1, 1)] > mixed * mixed
+                    && t[(2, 0)] * u + t[(2, 1)] * v + t[(2, 2)] > 0.0
+            })
+        };
+        let widest = end.atan();
+        let mut low = 0.0;
+        for step in 1..=STEPS {
+            let high = if step == STEPS { end } else { (widest * f64::from(step) / f64::from(STEPS)).tan() };
+            if !keeps(high) {
+                return polynomial::bisect(low, high, keeps);
+            }
+            low = high;
+        }
+        end
+    }
+}
+
+/// The homography of a tilted sensor, as OpenCV has it: `[[R33, 0, -R13], [0, R33, -R23], [0, 0, 1]] R`,
+/// `R = Ry(tau_y) Rx(tau_x)` with the signs of a change of frame.
+fn tilt(tau_x: f64, tau_y: f64) -> Matrix3<f64> {
+    let ((sx, cx), (sy, cy)) = (tau_x.sin_cos(), tau_y.sin_cos());
+    let about_x = Matrix3::new(1.0, 0.0, 0.0, 0.0, cx, sx, 0.0, -sx, cx);
+    let about_y = Matrix3::new(cy, 0.0, -sy, 0.0, 1.0, 0.0, sy, 0.0, cy);
+    let r = about_y * about_x;
+    Matrix3::new(r[(2, 2)], 0.0, -r[(0, 2)], 0.0, r[(2, 2)], -r[(1, 2)], 0.0, 0.0, 1.0) * r
+}
+
+impl std::fmt::Display for BrownConrady {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "BrownConrady([{}]{})", listed(self.coefficients()), shown(self.limit))
+    }
+}

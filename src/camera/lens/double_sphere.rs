@@ -1,0 +1,87 @@
+//! Double sphere.
+
+use nalgebra::Vector3;
+
+use super::{Distort, limit, parameter, shown};
+use crate::error::Result;
+
+/// Two unit spheres, xi apart, then a pinhole shifted by `alpha / (1 - alpha)`. With `d1 = |P|`, `k = xi d1 + Z`,
+/// `d2 = sqrt(X^2 + Y^2 + k^2)`: `m = (X, Y) / (alpha d2 + (1 - alpha) k)`. Source: Usenko, Demmel and Cremers 2018
+/// (basalt and Kalibr `ds`).
+///
+/// Its domain is `Z > -w2 d1`, `w1 = alpha / (1 - alpha)` up to alpha = 1/2, its inverse beyond,
+/// `w2 = (w1 + xi) / sqrt(2 w1 xi + xi^2 + 1)`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct DoubleSphere {
+    xi: f64,
+    alpha: f64,
+    limit: Option<f64>,
+    cos_end: f64,
+}
+
+impl DoubleSphere {
+    /// A lens from xi and alpha. `max_angle`, radians from the axis, makes the domain smaller.
+    ///
+    /// # Errors
+    /// [`Error::LensParameter`](crate::Error::LensParameter) where xi is not above -1 and up to 1, alpha is not from 0 to
+    /// 1, or the limit is none.
+    pub fn new(xi: f64, alpha: f64, max_angle: Option<f64>) -> Result<Self> {
+        const NAME: &str = "DoubleSphere";
+        parameter(NAME, "xi", "a number above -1 and up to 1", xi, xi > -1.0 && xi <= 1.0)?;
+        let expected = "a number from 0 to 1 (the order is xi, alpha)";
+        parameter(NAME, "alpha", expected, alpha, (0.0..=1.0).contains(&alpha))?;
+        let w1 = if alpha <= 0.5 { alpha / (1.0 - alpha) } else { (1.0 - alpha) / alpha };
+        let w2 = (w1 + xi) / (2.0 * w1 * xi + xi * xi + 1.0).sqrt();
+        Ok(Self { xi, alpha, limit: max_angle, cos_end: (-w2).max(limit(NAME, max_angle)?.cos()) })
+    }
+
+    /// The distance of the spheres' centres.
+    pub fn xi(&self) -> f64 {
+        self.xi
+    }
+
+    /// The pinhole's shift, `alpha / (1 - alpha)`.
+    pub fn alpha(&self) -> f64 {
+        self.alpha
+    }
+
+    /// The limit that was given.
+    pub fn limit(&self) -> Option<f64> {
+        self.limit
+    }
+
+    /// The validity limit, radians from the axis.
+    pub fn max_angle(&self) -> f64 {
+        self.cos_end.acos()
+    }
+
+    pub(super) fn undistort(&self, [x, y]: [f64; 2]) -> Option<Vector3<f64>> {
+        let Self { xi, alpha, .. } = *self;
+        let s = x * x + y * y;
+        let square = 1.0 - (2.0 * alpha - 1.0) * s;
+        if square < -1e-9 {
+            return None;
+        }
+        let z = (1.0 - alpha * alpha * s) / (alpha * square.max(0.0).sqrt() + 1.0 - alpha);
+        let length = (z * xi + (z * z + (1.0 - xi * xi) * s).sqrt()) / (z * z + s);
+        Some(Vector3::new(length * x, length * y, length * z - xi))
+    }
+}
+
+impl Distort for DoubleSphere {
+    #[inline(always)]
+    fn distort(&self, x: f64, y: f64, z: f64) -> (f64, f64) {
+        let s = x * x + y * y;
+        let d1 = (s + z * z).sqrt();
+        let k = self.xi * d1 + z;
+        let d2 = (s + k * k).sqrt();
+        let w = if z > self.cos_end * d1 { 1.0 / (self.alpha * d2 + (1.0 - self.alpha) * k) } else { f64::NAN };
+        (x * w, y * w)
+    }
+}
+
+impl std::fmt::Display for DoubleSphere {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "DoubleSphere({:?}, {:?}{})", self.xi, self.alpha, shown(self.limit))
+    }
+}

@@ -1,0 +1,92 @@
+//! Mei: a sphere, then a pinhole, then radtan.
+
+use nalgebra::Vector3;
+
+use super::{BrownConrady, Distort, limit, listed, parameter, shown};
+use crate::error::{Error, Result};
+
+/// The unified omnidirectional model with radtan distortion, as KITTI-360, Kalibr (`omni`) and `cv2.omnidir` have it.
+/// `(x, y) = (X, Y) / (Z + xi |P|)`, then [`BrownConrady`] with k1, k2, p1, p2. Source: Mei and Rives 2007.
+///
+/// Its domain is `Z > -w |P|`, `w = 1 / xi` if xi > 1 else xi, and ends sooner where radtan folds back.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Mei {
+    xi: f64,
+    radtan: BrownConrady,
+    limit: Option<f64>,
+    /// Cosine of the angle at which the sphere's part ends, or of the caller's limit.
+    cos_end: f64,
+}
+
+impl Mei {
+    /// A lens from xi and k1, k2, p1, p2. `max_angle`, radians from the axis, makes the domain smaller.
+    ///
+    /// # Errors
+    /// [`Error::LensCoefficients`] for another count than 4, [`Error::LensParameter`] for what is not finite, a negative
+    /// xi, or a limit that is none.
+    pub fn new(xi: f64, given: &[f64], max_angle: Option<f64>) -> Result<Self> {
+        const NAME: &str = "Mei";
+        parameter(NAME, "xi", "a finite number of at least 0", xi, xi.is_finite() && xi >= 0.0)?;
+        if given.len() != 4 {
+            return Err(Error::LensCoefficients { lens: NAME, expected: "4 (k1, k2, p1, p2)", got: given.len() });
+        }
+        for &value in given {
+            parameter(NAME, "coefficients", "finite numbers", value, value.is_finite())?;
+        }
+        let w = if xi > 1.0 { 1.0 / xi } else { xi };
+        let cos_end = (-w).max(limit(NAME, max_angle)?.cos());
+        Ok(Self { xi, radtan: BrownConrady::new(given, None)?, limit: max_angle, cos_end })
+    }
+
+    /// The distance of the projection centre from the sphere's.
+    pub fn xi(&self) -> f64 {
+        self.xi
+    }
+
+    /// k1, k2, p1, p2.
+    pub fn coefficients(&self) -> &[f64] {
+        self.radtan.coefficients()
+    }
+
+    /// The limit that was given.
+    pub fn limit(&self) -> Option<f64> {
+        self.limit
+    }
+
+    /// The validity limit, radians from the axis.
+    pub fn max_angle(&self) -> f64 {
+        let radtan = lift(self.xi, [self.radtan.max_radius().min(1e150), 0.0]);
+        radtan.map_or(f64::INFINITY, |ray| ray.x.atan2(ray.z)).min(self.cos_end.acos())
+    }
+
+    pub(super) fn undistort(&self, m: [f64; 2]) -> Option<Vector3<f64>> {
+        lift(self.xi, self.radtan.unbend(m)?)
+    }
+}
+
+/// The direction that the sphere takes to (x, y); `None` if none.
+fn lift(xi: f64, [x, y]: [f64; 2]) -> Option<Vector3<f64>> {
+    let s = x * x + y * y;
+    let square = 1.0 + (1.0 - xi * xi) * s;
+    if square < -1e-9 {
+        return None;
+    }
+    // (eta x, eta y, eta - xi) has length 1
+    let eta = (xi + square.max(0.0).sqrt()) / (s + 1.0);
+    Some(Vector3::new(eta * x, eta * y, eta - xi))
+}
+
+impl Distort for Mei {
+    #[inline(always)]
+    fn distort(&self, x: f64, y: f64, z: f64) -> (f64, f64) {
+        let length = (x * x + y * y + z * z).sqrt();
+        let w = if z > self.cos_end * length { 1.0 / (z + self.xi * length) } else { f64::NAN };
+        self.radtan.bend::<5>(x * w, y * w)
+    }
+}
+
+impl std::fmt::Display for Mei {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "Mei({:?}, [{}]{})", self.xi, listed(self.coefficients()), shown(self.limit))
+    }
+}

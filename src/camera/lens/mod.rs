@@ -1,0 +1,195 @@
+//! Lens models: from a direction in the camera frame to the plane that K takes to pixels, and back.
+//!
+//! Each model knows its domain: the largest cone around the axis in which no two directions share an image. Outside it
+//! there is no image, so nothing is painted twice. Every model is written once, in plain float64 without branches where
+//! its formula allows, and used for single points and for the rows of a table alike.
+
+mod angle;
+mod brown_conrady;
+mod double_sphere;
+mod eucm;
+mod kannala_brandt;
+mod mei;
+mod ocam;
+mod polynomial;
+mod radial_polynomial;
+
+pub use brown_conrady::BrownConrady;
+pub use double_sphere::DoubleSphere;
+pub use eucm::Eucm;
+pub use kannala_brandt::KannalaBrandt;
+pub use mei::Mei;
+pub use ocam::Ocam;
+pub use radial_polynomial::RadialPolynomial;
+
+pub(crate) use brown_conrady::Terms;
+
+use nalgebra::Vector3;
+
+use crate::error::{Error, Result};
+
+/// What a model does with a direction: the part that loops over cells are made of.
+pub(crate) trait Distort {
+    /// The image of direction (x, y, z), of any length, on the plane that K takes to pixels; NaN outside the domain.
+    fn distort(&self, x: f64, y: f64, z: f64) -> (f64, f64);
+}
+
+/// A lens model. `pixel = K [lens(direction); 1]`: most models give what a pinhole would see, so that K holds focal
+/// lengths in pixels; [`RadialPolynomial`] and [`Ocam`] give pixels, so that K is `[[1, 0, cx], [0, aspect, cy], [0, 0, 1]]`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub enum Lens {
+    /// OpenCV's model, plumb_bob, radtan.
+    BrownConrady(BrownConrady),
+    /// Equidistant, fisheye, KB4.
+    KannalaBrandt(KannalaBrandt),
+    /// Unified omnidirectional camera with radtan.
+    Mei(Mei),
+    /// Double sphere.
+    DoubleSphere(DoubleSphere),
+    /// Enhanced unified camera model.
+    Eucm(Eucm),
+    /// WoodScape's polynomial of the angle, in pixels.
+    RadialPolynomial(RadialPolynomial),
+    /// Scaramuzza's polynomial of the radius, in pixels.
+    Ocam(Ocam),
+}
+
+/// Calls `$body` with `$model` bound to what the lens is made of.
+macro_rules! each_model {
+    ($lens:expr, $model:ident => $body:expr) => {
+        match $lens {
+            Lens::BrownConrady($model) => $body,
+            Lens::KannalaBrandt($model) => $body,
+            Lens::Mei($model) => $body,
+            Lens::DoubleSphere($model) => $body,
+            Lens::Eucm($model) => $body,
+            Lens::RadialPolynomial($model) => $body,
+            Lens::Ocam($model) => $body,
+        }
+    };
+}
+
+impl Lens {
+    /// The image of a direction of the camera frame (x right, y down, z forward), of any length: what K takes to pixels.
+    /// `None` outside the domain.
+    pub fn project(&self, direction: &Vector3<f64>) -> Option<[f64; 2]> {
+        let largest = direction.amax();
+        // squares of what is larger or smaller would not be finite or not be numbers of full precision
+        let sane = (1e-100..1e100).contains(&largest);
+        let ray = if sane { *direction } else { direction / largest };
+        let (mx, my) = each_model!(self, model => model.distort(ray.x, ray.y, ray.z));
+        (mx.is_finite() && my.is_finite()).then_some([mx, my])
+    }
+
+    /// The unit direction whose image is `m`; `None` where `m` is the image of none.
+    pub fn unproject(&self, m: [f64; 2]) -> Option<Vector3<f64>> {
+        /// How far the image of the answer may be from what was asked, against its own size plus 1.
+        const TOLERANCE: f64 = 1e-13;
+        if !(m[0].is_finite() && m[1].is_finite()) {
+            return None;
+        }
+        let found = each_model!(self, model => model.undistort(m))?.normalize();
+        let tolerance = TOLERANCE * (1.0 + m[0].abs().max(m[1].abs()));
+        // at the edge of the domain, where the image stands still, rounding leaves it by up to 1e-8
+        [0.0, 1e-15, 1e-12, 1e-10, 1e-8].into_iter().find_map(|pull| {
+            let ray = if pull == 0.0 { found } else { towards_axis(&found, pull) };
+            let [mx, my] = self.project(&ray)?;
+            ((mx - m[0]).abs() <= tolerance && (my - m[1]).abs() <= tolerance).then_some(ray)
+        })
+    }
+
+    /// The validity limit: the angle from the axis, radians, up to which directions have an image. It is where the image
+    /// would fold back, or less where a smaller one was given.
+    pub fn max_angle(&self) -> f64 {
+        each_model!(self, model => model.max_angle())
+    }
+
+    /// The model's name, as its constructor is called.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::BrownConrady(_) => "BrownConrady",
+            Self::KannalaBrandt(_) => "KannalaBrandt",
+            Self::Mei(_) => "Mei",
+            Self::DoubleSphere(_) => "DoubleSphere",
+            Self::Eucm(_) => "Eucm",
+            Self::RadialPolynomial(_) => "RadialPolynomial",
+            Self::Ocam(_) => "Ocam",
+        }
+    }
+}
+
+impl std::fmt::Display for Lens {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        each_model!(self, model => write!(f, "{model}"))
+    }
+}
+
+macro_rules! lens_from {
+    ($($model:ident),*) => {$(
+        impl From<$model> for Lens {
+            fn from(model: $model) -> Self {
+                Self::$model(model)
+            }
+        }
+    )*};
+}
+lens_from!(BrownConrady, KannalaBrandt, Mei, DoubleSphere, Eucm, RadialPolynomial, Ocam);
+
+/// A unit direction turned towards +z by a small angle.
+fn towards_axis(ray: &Vector3<f64>, angle: f64) -> Vector3<f64> {
+    let r = ray.x.hypot(ray.y);
+    let (sin, cos) = (r.atan2(ray.z) - angle).sin_cos();
+    Vector3::new(ray.x / r * sin, ray.y / r * sin, cos)
+}
+
+/// The unit direction at `angle` from the axis, on the side of (x, y), whose length is `r`.
+fn direction([x, y]: [f64; 2], r: f64, angle: f64) -> Vector3<f64> {
+    if r == 0.0 {
+        return Vector3::z();
+    }
+    let (sin, cos) = angle.sin_cos();
+    Vector3::new(x / r * sin, y / r * sin, cos)
+}
+
+/// Coefficients of the counts that a model takes.
+fn coefficients<const N: usize>(
+    lens: &'static str,
+    expected: &'static str,
+    counts: &[usize],
+    given: &[f64],
+) -> Result<[f64; N]> {
+    if !counts.contains(&given.len()) {
+        return Err(Error::LensCoefficients { lens, expected, got: given.len() });
+    }
+    let mut all = [0.0; N];
+    for (own, &value) in all.iter_mut().zip(given) {
+        *own = parameter(lens, "coefficients", "finite numbers", value, value.is_finite())?;
+    }
+    Ok(all)
+}
+
+/// A parameter, if it holds what its model needs.
+fn parameter(lens: &'static str, name: &'static str, expected: &'static str, value: f64, holds: bool) -> Result<f64> {
+    if holds { Ok(value) } else { Err(Error::LensParameter { lens, name, expected, got: value }) }
+}
+
+/// A limit that the caller sets, or the whole sphere but its last point, where every azimuth meets.
+fn limit(lens: &'static str, max_angle: Option<f64>) -> Result<f64> {
+    /// The direction straight behind has no azimuth.
+    const BEHIND: f64 = std::f64::consts::PI - 1e-9;
+    let Some(angle) = max_angle else { return Ok(BEHIND) };
+    let expected = "an angle from the axis in radians, above 0 and up to pi";
+    let holds = angle > 0.0 && angle <= std::f64::consts::PI;
+    parameter(lens, "max_angle", expected, angle, holds).map(|angle| angle.min(BEHIND))
+}
+
+/// Numbers as a Python list or tuple holds them.
+fn listed(values: &[f64]) -> String {
+    values.iter().map(|value| format!("{value:?}")).collect::<Vec<_>>().join(", ")
+}
+
+/// `, max_angle=...` where the caller set one.
+fn shown(max_angle: Option<f64>) -> String {
+    max_angle.map_or_else(String::new, |angle| format!(", max_angle={angle:?}"))
+}

@@ -1,0 +1,254 @@
+//! Lens models.
+
+use std::hash::{Hash, Hasher};
+
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyTuple};
+
+use super::convert::{Floats, Reduced, float, floats, rebuilt_by_new, type_name};
+use super::error::classes::{ArgumentError, ArgumentTypeError};
+use crate::{BrownConrady, DoubleSphere, Eucm, KannalaBrandt, Lens, Mei, Ocam, RadialPolynomial};
+
+/// A list of numbers, of any length.
+fn numbers(name: &str, object: &Bound<'_, PyAny>) -> PyResult<Vec<f64>> {
+    let floats = Floats::new(name, "a list", object)?;
+    match floats.shape() {
+        [_] => Ok(floats.values().to_vec()),
+        // OpenCV writes its coefficients as a row or a column
+        [1, _] | [_, 1] => Ok(floats.values().to_vec()),
+        shape => Err(ArgumentError::new_err(format!("{name}: expected a list of numbers, got shape {shape:?}"))),
+    }
+}
+
+fn limit(object: Option<&Bound<'_, PyAny>>) -> PyResult<Option<f64>> {
+    object.map(|object| float("max_angle", object)).transpose()
+}
+
+/// The Python class of one model: what all have in common.
+macro_rules! lens_class {
+    ($class:ident, $model:ident, $name:literal, $doc:literal, $self:ident => ($($argument:expr),*), { $($methods:tt)* }) => {
+        #[doc = $doc]
+        #[pyclass(frozen, eq, hash, module = "ipm_rs", name = $name)]
+        #[derive(Clone, PartialEq)]
+        pub(super) struct $class {
+            lens: $model,
+        }
+
+        impl Hash for $class {
+            fn hash<H: Hasher>(&self, state: &mut H) {
+                hash_lens(&self.lens.into(), state);
+            }
+        }
+
+        #[pymethods]
+        impl $class {
+            $($methods)*
+
+            /// The validity limit, radians from the axis.
+            #[getter]
+            fn max_angle(&self) -> f64 {
+                self.lens.max_angle()
+            }
+
+            fn __reduce__<'py>(&$self, py: Python<'py>) -> PyResult<Reduced<'py>> {
+                let keywords = PyDict::new(py);
+                if let Some(angle) = $self.lens.limit() {
+                    keywords.set_item("max_angle", angle)?;
+                }
+                let arguments: Vec<Bound<'py, PyAny>> = vec![$($argument.into_pyobject(py)?.into_any()),*];
+                rebuilt_by_new(py.get_type::<Self>(), PyTuple::new(py, arguments)?, keywords)
+            }
+
+            fn __repr__(&self) -> String {
+                self.lens.to_string()
+            }
+        }
+    };
+}
+
+lens_class!(PyBrownConrady, BrownConrady, "BrownConrady", "Brown-Conrady, plumb_bob, radtan: radial, tangential, thin prism and tilt.",
+    self => (self.lens.coefficients().to_vec()), {
+    #[new]
+    #[pyo3(signature = (coefficients, *, max_angle = None))]
+    fn new(coefficients: &Bound<'_, PyAny>, max_angle: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
+        Ok(Self { lens: BrownConrady::new(&numbers("coefficients", coefficients)?, limit(max_angle)?)? })
+    }
+
+    /// As given.
+    #[getter]
+    fn coefficients(&self) -> Vec<f64> {
+        self.lens.coefficients().to_vec()
+    }
+});
+
+lens_class!(PyKannalaBrandt, KannalaBrandt, "KannalaBrandt", "Kannala-Brandt: the equidistant fisheye, KB4.",
+    self => (self.lens.coefficients().to_vec()), {
+    #[new]
+    #[pyo3(signature = (coefficients, *, max_angle = None))]
+    fn new(coefficients: &Bound<'_, PyAny>, max_angle: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
+        Ok(Self { lens: KannalaBrandt::new(&numbers("coefficients", coefficients)?, limit(max_angle)?)? })
+    }
+
+    /// k1, k2, k3, k4.
+    #[getter]
+    fn coefficients(&self) -> Vec<f64> {
+        self.lens.coefficients().to_vec()
+    }
+});
+
+lens_class!(PyRadialPolynomial, RadialPolynomial, "RadialPolynomial", "WoodScape's polynomial of the angle, in pixels.",
+    self => (self.lens.coefficients().to_vec()), {
+    #[new]
+    #[pyo3(signature = (coefficients, *, max_angle = None))]
+    fn new(coefficients: &Bound<'_, PyAny>, max_angle: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
+        Ok(Self { lens: RadialPolynomial::new(&numbers("coefficients", coefficients)?, limit(max_angle)?)? })
+    }
+
+    /// k1, k2, k3, k4.
+    #[getter]
+    fn coefficients(&self) -> Vec<f64> {
+        self.lens.coefficients().to_vec()
+    }
+});
+
+lens_class!(PyMei, Mei, "Mei", "Unified omnidirectional model with radtan.",
+    self => (self.lens.xi(), self.lens.coefficients().to_vec()), {
+    #[new]
+    #[pyo3(signature = (xi, coefficients, *, max_angle = None))]
+    fn new(
+        xi: &Bound<'_, PyAny>,
+        coefficients: &Bound<'_, PyAny>,
+        max_angle: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        Ok(Self { lens: Mei::new(float("xi", xi)?, &numbers("coefficients", coefficients)?, limit(max_angle)?)? })
+    }
+
+    /// The distance of the projection centre from the sphere's.
+    #[getter]
+    fn xi(&self) -> f64 {
+        self.lens.xi()
+    }
+
+    /// k1, k2, p1, p2.
+    #[getter]
+    fn coefficients(&self) -> Vec<f64> {
+        self.lens.coefficients().to_vec()
+    }
+});
+
+lens_class!(PyDoubleSphere, DoubleSphere, "DoubleSphere", "Double sphere: two unit spheres, then a shifted pinhole.",
+    self => (self.lens.xi(), self.lens.alpha()), {
+    #[new]
+    #[pyo3(signature = (xi, alpha, *, max_angle = None))]
+    fn new(xi: &Bound<'_, PyAny>, alpha: &Bound<'_, PyAny>, max_angle: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
+        Ok(Self { lens: DoubleSphere::new(float("xi", xi)?, float("alpha", alpha)?, limit(max_angle)?)? })
+    }
+
+    /// The distance of the spheres' centres.
+    #[getter]
+    fn xi(&self) -> f64 {
+        self.lens.xi()
+    }
+
+    /// The pinhole's shift.
+    #[getter]
+    fn alpha(&self) -> f64 {
+        self.lens.alpha()
+    }
+});
+
+lens_class!(PyEucm, Eucm, "Eucm", "Enhanced unified camera model.",
+    self => (self.lens.alpha(), self.lens.beta()), {
+    #[new]
+    #[pyo3(signature = (alpha, beta, *, max_angle = None))]
+    fn new(alpha: &Bound<'_, PyAny>, beta: &Bound<'_, PyAny>, max_angle: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
+        Ok(Self { lens: Eucm::new(float("alpha", alpha)?, float("beta", beta)?, limit(max_angle)?)? })
+    }
+
+    /// The pinhole's shift.
+    #[getter]
+    fn alpha(&self) -> f64 {
+        self.lens.alpha()
+    }
+
+    /// The ellipsoid's shape.
+    #[getter]
+    fn beta(&self) -> f64 {
+        self.lens.beta()
+    }
+});
+
+lens_class!(PyOcam, Ocam, "Ocam", "Scaramuzza's polynomial of the radius, in pixels.",
+    self => (self.lens.polynomial().to_vec(), self.lens.affine().to_vec()), {
+    #[new]
+    #[pyo3(
+        signature = (polynomial, affine = None, *, max_angle = None),
+        text_signature = "(polynomial, affine=(1.0, 0.0, 0.0), *, max_angle=None)"
+    )]
+    fn new(
+        polynomial: &Bound<'_, PyAny>,
+        affine: Option<&Bound<'_, PyAny>>,
+        max_angle: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        let affine = affine.map_or(Ok([1.0, 0.0, 0.0]), |object| floats("affine", "(c, d, e)", object))?;
+        Ok(Self { lens: Ocam::new(&numbers("polynomial", polynomial)?, affine, limit(max_angle)?)? })
+    }
+
+    /// a0, a1, a2, ... as given.
+    #[getter]
+    fn polynomial(&self) -> Vec<f64> {
+        self.lens.polynomial().to_vec()
+    }
+
+    /// (c, d, e).
+    #[getter]
+    fn affine(&self) -> (f64, f64, f64) {
+        self.lens.affine().into()
+    }
+});
+
+/// The lens of a `lens=` argument.
+pub(super) fn lens(object: Option<&Bound<'_, PyAny>>) -> PyResult<Option<Lens>> {
+    let Some(object) = object else { return Ok(None) };
+    macro_rules! try_each {
+        ($($class:ident),*) => {
+            $(if let Ok(own) = object.cast::<$class>() {
+                return Ok(Some(own.get().lens.into()));
+            })*
+        };
+    }
+    try_each!(PyBrownConrady, PyKannalaBrandt, PyMei, PyDoubleSphere, PyEucm, PyRadialPolynomial, PyOcam);
+    Err(ArgumentTypeError::new_err(format!(
+        "lens: expected None, a pinhole, or a lens model such as ipm_rs.BrownConrady([k1, k2, p1, p2]), got {}",
+        type_name(object)
+    )))
+}
+
+/// A lens as an object of its Python class.
+pub(super) fn lens_to_python<'py>(py: Python<'py>, lens: &Lens) -> PyResult<Bound<'py, PyAny>> {
+    Ok(match *lens {
+        Lens::BrownConrady(lens) => Bound::new(py, PyBrownConrady { lens })?.into_any(),
+        Lens::KannalaBrandt(lens) => Bound::new(py, PyKannalaBrandt { lens })?.into_any(),
+        Lens::Mei(lens) => Bound::new(py, PyMei { lens })?.into_any(),
+        Lens::DoubleSphere(lens) => Bound::new(py, PyDoubleSphere { lens })?.into_any(),
+        Lens::Eucm(lens) => Bound::new(py, PyEucm { lens })?.into_any(),
+        Lens::RadialPolynomial(lens) => Bound::new(py, PyRadialPolynomial { lens })?.into_any(),
+        Lens::Ocam(lens) => Bound::new(py, PyOcam { lens })?.into_any(),
+    })
+}
+
+/// Feeds what equal lenses have equal.
+pub(super) fn hash_lens<H: Hasher>(lens: &Lens, state: &mut H) {
+    lens.name().hash(state);
+    let mut feed = |values: &[f64]| values.iter().for_each(|value| (value + 0.0).to_bits().hash(state)); // 0.0 == -0.0
+    match lens {
+        Lens::BrownConrady(lens) => feed(lens.all_coefficients()),
+        Lens::KannalaBrandt(lens) => feed(lens.coefficients()),
+        Lens::Mei(lens) => (feed(&[lens.xi()]), feed(lens.coefficients())).1,
+        Lens::DoubleSphere(lens) => feed(&[lens.xi(), lens.alpha()]),
+        Lens::Eucm(lens) => feed(&[lens.alpha(), lens.beta()]),
+        Lens::RadialPolynomial(lens) => feed(lens.coefficients()),
+        Lens::Ocam(lens) => (feed(lens.forward()), feed(&lens.affine())).1,
+    }
+    feed(&[lens.max_angle()]);
+}
