@@ -157,7 +157,7 @@ lens_class!(PyDoubleSphere, DoubleSphere, "DoubleSphere", "Double sphere: two un
     }
 });
 
-lens_class!(PyEucm, Eucm, "Eucm", "Enhanced unified camera model.",
+lens_class!(PyEucm, Eucm, "Eucm", "The enhanced unified camera model: an ellipsoid, then a shifted pinhole.",
     self => (self.lens.alpha(), self.lens.beta()), {
     #[new]
     #[pyo3(signature = (alpha, beta, *, max_angle = None))]
