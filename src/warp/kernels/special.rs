@@ -103,6 +103,7 @@ pub(super) fn bilinear_u16(isa: Isa, channels: usize) -> Option<RowKernel<u16>> 
         #[cfg(target_arch = "x86_64")]
         Isa::Avx512 => match channels {
             1 => kernel!(avx512::bilinear_float::<u16, 1>),
+            2 => kernel!(avx512::bilinear_float_pairs::<u16>),
             3 => kernel!(avx512::bilinear_float::<u16, 3>),
             4 => kernel!(avx512::bilinear_float::<u16, 4>),
             _ => kernel!(avx512::bilinear_float_any::<u16>),
@@ -132,6 +133,7 @@ pub(super) fn bilinear_f32(isa: Isa, channels: usize) -> Option<RowKernel<f32>> 
         #[cfg(target_arch = "x86_64")]
         Isa::Avx512 => match channels {
             1 => kernel!(avx512::bilinear_float::<f32, 1>),
+            2 => kernel!(avx512::bilinear_float_pairs::<f32>),
             3 => kernel!(avx512::bilinear_float::<f32, 3>),
             4 => kernel!(avx512::bilinear_float::<f32, 4>),
             _ => kernel!(avx512::bilinear_float_any::<f32>),

@@ -76,7 +76,7 @@ struct Reach {
 
 /// The fractions of sixteen cells, or one cell's in all lanes.
 #[derive(Clone, Copy)]
-struct Fractions {
+pub(super) struct Fractions {
     x: __m512,
     y: __m512,
 }
@@ -85,7 +85,7 @@ impl Fractions {
     /// From x in the low and y in the high half of each lane.
     #[inline]
     #[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512vbmi,avx512vnni")]
-    fn new(packed: __m512i) -> Self {
+    pub(super) fn new(packed: __m512i) -> Self {
         let low = _mm512_set1_epi32(0x7fff); // without the step
         let unit =
             |q15| _mm512_mul_ps(_mm512_cvtepi32_ps(_mm512_and_si512(q15, low)), _mm512_set1_ps(1.0 / ONE as f32));
@@ -100,18 +100,27 @@ impl Fractions {
         Self { x: _mm512_permutexvar_ps(cells, self.x), y: _mm512_permutexvar_ps(cells, self.y) }
     }
 
+    /// Those of cells 8 `octet` to 8 `octet` + 7, each in two lanes.
     #[inline]
     #[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512vbmi,avx512vnni")]
-    fn blend(self, taps: Taps) -> __m512 {
+    pub(super) fn octet(self, octet: usize) -> Self {
+        let spread = _mm512_setr_epi32(0, 0, 1, 1, 2, 2, 3, 3, 4, 4, 5, 5, 6, 6, 7, 7);
+        let cells = _mm512_add_epi32(spread, _mm512_set1_epi32(8 * octet as i32));
+        Self { x: _mm512_permutexvar_ps(cells, self.x), y: _mm512_permutexvar_ps(cells, self.y) }
+    }
+
+    #[inline]
+    #[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512vbmi,avx512vnni")]
+    pub(super) fn blend(self, taps: Taps) -> __m512 {
         let mix = |a, b, fraction| _mm512_add_ps(a, _mm512_mul_ps(_mm512_sub_ps(b, a), fraction));
         mix(mix(taps.top[0], taps.top[1], self.x), mix(taps.bottom[0], taps.bottom[1], self.x), self.y)
     }
 }
 
 /// The left and the right pixels of both rows.
-struct Taps {
-    top: [__m512; 2],
-    bottom: [__m512; 2],
+pub(super) struct Taps {
+    pub(super) top: [__m512; 2],
+    pub(super) bottom: [__m512; 2],
 }
 
 /// Lanes 4 `quad` to 4 `quad` + 3, each four times.
@@ -125,7 +134,7 @@ fn quad_lanes(quad: usize) -> __m512i {
 /// The left and the right pixel of lanes that hold both as 16-bit numbers.
 #[inline]
 #[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512vbmi,avx512vnni")]
-fn halves(pairs: __m512i) -> [__m512; 2] {
+pub(super) fn halves(pairs: __m512i) -> [__m512; 2] {
     let left = _mm512_and_si512(pairs, _mm512_set1_epi32(0xffff));
     [_mm512_cvtepi32_ps(left), _mm512_cvtepi32_ps(_mm512_srli_epi32::<16>(pairs))]
 }
@@ -133,7 +142,7 @@ fn halves(pairs: __m512i) -> [__m512; 2] {
 /// 16-bit samples from their exact values: rounded, below 65536 because a blend stays between its pixels.
 #[inline]
 #[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512vbmi,avx512vnni")]
-fn rounded(values: __m512) -> __m512i {
+pub(super) fn rounded(values: __m512) -> __m512i {
     _mm512_cvttps_epi32(_mm512_add_ps(values, _mm512_set1_ps(0.5)))
 }
 

@@ -3,10 +3,12 @@
 mod bytes;
 mod floats;
 mod nearest;
+mod pairs;
 
 pub(super) use bytes::{bilinear_u8, bilinear_u8_any};
 pub(super) use floats::{bilinear_float, bilinear_float_any};
 pub(super) use nearest::nearest;
+pub(super) use pairs::bilinear_float_pairs;
 
 use std::arch::x86_64::*;
 
