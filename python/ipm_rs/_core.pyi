@@ -376,6 +376,156 @@ class Camera:
             FileError, MissingFileError: the file cannot be read.
         """
     @classmethod
+    def from_colmap(
+        cls,
+        source: str | PathLike[str],
+        *,
+        camera: int | str | None = None,
+        images: str | PathLike[str] | None = None,
+        image: int | str | None = None,
+        image_size: Sequence[int] | None = None,
+        vehicle_from_world: ArrayLike | None = None,
+        metres_per_unit: float = 1.0,
+    ) -> Camera:
+        """A camera of a COLMAP text model; see `ipm_rs.calibration.colmap.read`.
+
+        COLMAP counts pixels from the corner; 0.5 is subtracted from its principal point.
+
+        Args:
+            source: `cameras.txt`.
+            camera: CAMERA_ID, if there are several and no image is chosen.
+            images: `images.txt`, for the pose; without it the camera is at the origin and looks along +x.
+            image: IMAGE_ID or NAME in `images`.
+            image_size: (width, height); must agree with the file.
+            vehicle_from_world: (4, 4), where COLMAP's world stands in the vehicle frame, metres.
+            metres_per_unit: length of COLMAP's unit.
+
+        Raises:
+            CalibrationError: a line cannot be right, or the model has no lens here.
+            ArgumentError: there is no such camera or image.
+            FileError, MissingFileError: a file cannot be read.
+        """
+    @classmethod
+    def from_kalibr(
+        cls,
+        source: str | PathLike[str] | Mapping[str, Any],
+        *,
+        camera: str | int | None = None,
+        image_size: Sequence[int] | None = None,
+        vehicle_from_cam0: ArrayLike | None = None,
+        vehicle_from_imu: ArrayLike | None = None,
+    ) -> Camera:
+        """A camera of a Kalibr camchain (or OpenVINS's); see `ipm_rs.calibration.kalibr.read`.
+
+        Args:
+            source: YAML file, or its content.
+            camera: "cam1" or 1, if there are several.
+            image_size: (width, height); must agree with the file.
+            vehicle_from_cam0: (4, 4) pose of the first camera's optical frame; by default it looks along +x.
+            vehicle_from_imu: (4, 4) pose of the IMU, in its place.
+
+        Raises:
+            CalibrationError: a value cannot be right, or the lens has no model here (`fov`).
+            ArgumentError: there is no such camera, or both poses are given.
+            FileError, MissingFileError: the file cannot be read.
+            MissingExtraError: PyYAML is not installed.
+        """
+    @classmethod
+    def from_matlab(
+        cls, source: str | PathLike[str] | Mapping[str, Any], *, image_size: Sequence[int] | None = None
+    ) -> Camera:
+        """A camera from the numbers of a MATLAB `monoCamera`; see `ipm_rs.calibration.matlab.read`.
+
+        Pixels become 0-based: one less than MATLAB's.
+
+        Args:
+            source: JSON file, or a mapping, with FocalLength, PrincipalPoint, ImageSize [rows columns], Height in
+                metres, Pitch, Yaw, Roll in degrees, ...
+            image_size: (width, height), if the file lacks ImageSize.
+
+        Raises:
+            CalibrationError: a key is missing or its value cannot be right.
+            FileError, MissingFileError: the file cannot be read.
+        """
+    @classmethod
+    def from_opencv(
+        cls,
+        source: str | PathLike[str] | Mapping[str, Any],
+        *,
+        camera: str | int | None = None,
+        image_size: Sequence[int] | None = None,
+        lens: Literal["brown_conrady", "fisheye", "omnidir"] | None = None,
+        extrinsics: str | PathLike[str] | Mapping[str, Any] | None = None,
+        rectified: bool = False,
+        camera_from_vehicle: ArrayLike | None = None,
+        vehicle_from_camera: ArrayLike | None = None,
+        vehicle_from_world: ArrayLike | None = None,
+        metres_per_unit: float = 1.0,
+    ) -> Camera:
+        """A camera from an OpenCV FileStorage file, YAML, JSON or XML; see `ipm_rs.calibration.opencv.read`.
+
+        Args:
+            source: file, or a mapping of its matrices, under any of the usual names.
+            camera: 1 or "left", 2 or "right" of a stereo pair.
+            image_size: (width, height), if the file lacks it.
+            lens: which module of OpenCV made the file; needed for four coefficients, which may be either.
+            extrinsics: second file of a stereo calibration (R, T, R1, P1, ...).
+            rectified: whether the images of the pair are rectified (R1, P1; R2, P2).
+            camera_from_vehicle: (4, 4) pose of the first camera, in place of the file's rvec and tvec.
+            vehicle_from_camera: the inverse, for who has that.
+            vehicle_from_world: (4, 4), where the world of rvec and tvec stands in the vehicle frame, metres.
+            metres_per_unit: length of the unit of tvec and T.
+
+        Raises:
+            CalibrationError: a matrix is missing, ambiguous or cannot be right.
+            ArgumentError: `lens` or `camera` is needed or wrong; poses are given twice.
+            FileError, MissingFileError: a file cannot be read.
+            MissingExtraError: PyYAML is not installed.
+        """
+    @classmethod
+    def from_ros(
+        cls,
+        source: Any,
+        *,
+        image: Literal["raw", "rectified"] = "raw",
+        camera: str | None = None,
+        image_size: Sequence[int] | None = None,
+        camera_from_vehicle: ArrayLike | None = None,
+        vehicle_from_camera: ArrayLike | None = None,
+        ros_binning: bool = False,
+    ) -> Camera:
+        """A camera from a ROS CameraInfo; see `ipm_rs.calibration.ros.read`.
+
+        Args:
+            source: YAML or INI file, its content as a mapping, or a `sensor_msgs/CameraInfo` message.
+            image: "raw" takes K and D, "rectified" takes P and R.
+            camera: section of an INI file of several cameras.
+            image_size: (width, height); must agree with the file.
+            camera_from_vehicle: (4, 4) pose of the raw optical frame; by default it looks along +x.
+            vehicle_from_camera: the inverse, for who has that.
+            ros_binning: move the principal point under binning as ROS does, without the half pixel.
+
+        Raises:
+            CalibrationError: the camera is uncalibrated, a value cannot be right, or the model is not known.
+            ArgumentError, ArgumentTypeError: an argument is wrong.
+            FileError, MissingFileError: the file cannot be read.
+            MissingExtraError: PyYAML is not installed.
+        """
+    @classmethod
+    def from_woodscape(
+        cls, source: str | PathLike[str] | Mapping[str, Any], *, image_size: Sequence[int] | None = None
+    ) -> Camera:
+        """A camera from a WoodScape fisheye calibration; see `ipm_rs.calibration.woodscape.read`.
+
+        Args:
+            source: JSON file, or its content. The road is at z = 0.
+            image_size: (width, height); must agree with the file.
+
+        Raises:
+            CalibrationError: a key is missing or its value cannot be right.
+            FileError, MissingFileError: the file cannot be read.
+        """
+    @classmethod
     def load(
         cls, path: str | PathLike[str], image_size: Sequence[int] | None = None, camera: str | int | None = None
     ) -> Camera:

@@ -43,4 +43,16 @@ readers! {
     load "(path, image_size=None, camera=None)" => "" "load";
     /// A camera from a Cityscapes camera file or dict.
     from_cityscapes "(source, *, image_size=(2048, 1024))" => ".cityscapes" "read";
+    /// A camera from a COLMAP text model.
+    from_colmap "(source, *, camera=None, images=None, image=None, image_size=None, vehicle_from_world=None, metres_per_unit=1.0)" => ".colmap" "read";
+    /// A camera from a Kalibr camera chain.
+    from_kalibr "(source, *, camera=None, image_size=None, vehicle_from_cam0=None, vehicle_from_imu=None)" => ".kalibr" "read";
+    /// A camera from the numbers of a MATLAB monoCamera.
+    from_matlab "(source, *, image_size=None)" => ".matlab" "read";
+    /// A camera from an OpenCV FileStorage file.
+    from_opencv "(source, *, camera=None, image_size=None, lens=None, extrinsics=None, rectified=False, camera_from_vehicle=None, vehicle_from_camera=None, vehicle_from_world=None, metres_per_unit=1.0)" => ".opencv" "read";
+    /// A camera from a ROS CameraInfo file or message.
+    from_ros "(source, *, image='raw', camera=None, image_size=None, camera_from_vehicle=None, vehicle_from_camera=None, ros_binning=False)" => ".ros" "read";
+    /// A camera from a WoodScape calibration.
+    from_woodscape "(source, *, image_size=None)" => ".woodscape" "read";
 }

@@ -66,7 +66,8 @@ def parse_yaml(text: str, origin: str) -> Any:
     """
     if len(text) > MAX_CHARACTERS:
         raise CalibrationError(
-            f"{origin}: expected at most {MAX_CHARACTERS >> 20} MB of YAML, got more; pass the calibration, not the recording"
+            f"{origin}: expected at most {MAX_CHARACTERS >> 20} MB of YAML, got more; "
+            "pass the calibration, not the recording"
         )
     yaml = _require_yaml(origin)
     header = _HEADER.match(text)
@@ -133,6 +134,7 @@ class _Builder:
 
     def value(self, event: Any, depth: int) -> Any:
         yaml = self.yaml
+        value: Any
         if isinstance(event, yaml.AliasEvent):
             if event.anchor not in self.anchors:  # also an alias inside of what it names
                 raise self.error(event, "an alias of something above", f"*{event.anchor}", "write the value out")
@@ -144,7 +146,6 @@ class _Builder:
         before = self.count
         self.spend(event, 1)
         tag = self.tag(event)
-        value: Any
         if isinstance(event, yaml.ScalarEvent):
             # A quoted word is text; so is one under the tag !!str.
             value = event.value if tag == "str" or not (event.implicit[0] or tag) else scalar(event.value)

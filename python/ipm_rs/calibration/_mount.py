@@ -1,0 +1,58 @@
+"""What the readers of calibrations without a car in them share: where the caller says that the camera is mounted."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ipm_rs._core import Camera
+from ipm_rs.calibration._checks import number, pose
+from ipm_rs.errors import ArgumentError
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+__all__ = ["inverse", "metric", "mounted"]
+
+Matrix = NDArray[np.float64]
+
+
+def mounted(camera_from_vehicle: ArrayLike | None, vehicle_from_camera: ArrayLike | None) -> Matrix:
+    """Give (4, 4) ``camera_from_vehicle`` from either direction; with neither, at the origin and looking along +x."""
+    made = Camera(
+        np.eye(3),
+        image_size=(1, 1),
+        camera_from_vehicle=camera_from_vehicle,
+        vehicle_from_camera=vehicle_from_camera,
+    )
+    return made.camera_from_vehicle
+
+
+def inverse(T: Matrix) -> Matrix:
+    """Inverse of a rigid (4, 4) transform whose rotation may have few digits: of the matrix, not by its transpose."""
+    result = np.eye(4)
+    result[:3, :3] = np.linalg.inv(T[:3, :3])
+    result[:3, 3] = -result[:3, :3] @ T[:3, 3]
+    return result
+
+
+def metric(T: Matrix, metres_per_unit: float) -> Matrix:
+    """Give the rigid (4, 4) transform with its translation in metres."""
+    scaled = T.copy()
+    scaled[:3, 3] *= argument(metres_per_unit, "metres_per_unit")
+    return scaled
+
+
+def argument(value: object, name: str) -> float:
+    """Check an argument that must be a positive number."""
+    try:
+        return number(value, name, positive=True)
+    except ValueError as error:
+        raise ArgumentError(str(error)) from None
+
+
+def rigid_argument(value: ArrayLike | None, name: str) -> Matrix:
+    """Check an argument that must be a rigid (4, 4) transform; None is the identity."""
+    return np.eye(4) if value is None else pose(np.asarray(value).tolist(), name)

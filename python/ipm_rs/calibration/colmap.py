@@ -1,0 +1,219 @@
+"""COLMAP text models: ``cameras.txt``, and ``images.txt`` for poses.
+
+The format, after COLMAP's documentation and ``sensor/models.h``:
+
+* ``cameras.txt``: ``CAMERA_ID MODEL WIDTH HEIGHT PARAMS...``, parameters in the order of `_MODELS` below.
+* **The corner of the image is (0, 0)**, the centre of the top-left pixel (0.5, 0.5): 0.5 is subtracted from the
+  principal point.
+* ``images.txt``: two lines for each image, ``IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME``, then its points. The
+  quaternion is **w, x, y, z**, and takes points of the world to the camera (optical axes), as does the translation.
+* COLMAP's world has no scale, no direction of up and no road, unless it was aligned. ``vehicle_from_world=`` (into
+  x forward, y left, z up) and ``metres_per_unit=`` say what is known about it; pass the height of the road in that
+  frame as ``ground=``.
+
+Models with a counterpart here are ``SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV, FULL_OPENCV,
+OPENCV_FISHEYE, SIMPLE_RADIAL_FISHEYE, RADIAL_FISHEYE``; ``FOV`` and the thin prism models have none and are refused.
+"""
+
+from __future__ import annotations
+
+import os
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ipm_rs._core import BrownConrady, Camera, KannalaBrandt
+from ipm_rs.calibration._checks import (
+    blame,
+    listed,
+    number,
+    numbers,
+    pinhole,
+    quaternion,
+    rigid,
+)
+from ipm_rs.calibration._checks import image_size as checked_size
+from ipm_rs.calibration._files import Document, open_document, same_size
+from ipm_rs.calibration._mount import inverse, metric, rigid_argument
+from ipm_rs.calibration._yaml import scalar
+from ipm_rs.errors import ArgumentError, CalibrationError
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+__all__ = ["missing", "read"]
+
+TITLE = "COLMAP"
+
+# Parameters of each model: f for one focal length or fx fy for two, then cx cy, then the lens in our order; "-" is 0.
+_MODELS: dict[str, tuple[int, str, str]] = {
+    "SIMPLE_PINHOLE": (1, "", ""),
+    "PINHOLE": (2, "", ""),
+    "SIMPLE_RADIAL": (1, "k1", "k1 - - -"),
+    "RADIAL": (1, "k1 k2", "k1 k2 - -"),
+    "OPENCV": (2, "k1 k2 p1 p2", "k1 k2 p1 p2"),
+    "FULL_OPENCV": (2, "k1 k2 p1 p2 k3 k4 k5 k6", "k1 k2 p1 p2 k3 k4 k5 k6"),
+    "OPENCV_FISHEYE": (2, "k1 k2 k3 k4", "k1 k2 k3 k4"),
+    "SIMPLE_RADIAL_FISHEYE": (1, "k1", "k1 - - -"),
+    "RADIAL_FISHEYE": (1, "k1 k2", "k1 k2 - -"),
+}
+_WITHOUT = ("FOV", "THIN_PRISM_FISHEYE", "RAD_TAN_THIN_PRISM_FISHEYE")
+
+Matrix = NDArray[np.float64]
+
+
+def missing(document: Document) -> str | None:
+    """Say what a document lacks to be of this format; None if nothing."""
+    rows = _rows(document.text)
+    known = (*_MODELS, *_WITHOUT)
+    return None if rows and len(rows[0][1]) > 4 and rows[0][1][1] in known else "no line CAMERA_ID MODEL WIDTH HEIGHT"
+
+
+def read(
+    source: str | os.PathLike[str],
+    *,
+    camera: int | str | None = None,
+    images: str | os.PathLike[str] | None = None,
+    image: int | str | None = None,
+    image_size: tuple[int, int] | None = None,
+    vehicle_from_world: ArrayLike | None = None,
+    metres_per_unit: float = 1.0,
+) -> Camera:
+    """Read one camera of a COLMAP text model.
+
+    Parameters
+    ----------
+    source : str or path
+        ``cameras.txt``.
+    camera : int, optional
+        CAMERA_ID; needed if the file holds more than one and no image is chosen.
+    images : str or path, optional
+        ``images.txt``, for the pose.
+    image : int or str, optional
+        IMAGE_ID or NAME of the image in `images`; needed if there is more than one.
+    image_size : (int, int), optional
+        Width and height in pixels. The file says it; if given it must agree.
+    vehicle_from_world : (4, 4) array, optional
+        Where COLMAP's world, its lengths scaled to metres, stands in the vehicle frame. Without it the world is taken
+        for the vehicle frame, which is right only for a model that was aligned so.
+    metres_per_unit : float
+        Length of COLMAP's unit in metres.
+
+    Returns
+    -------
+    Camera
+        Without `images` at the origin, looking along +x.
+
+    Raises
+    ------
+    MissingFileError, FileError
+        A file does not exist, or cannot be read.
+    CalibrationError
+        A line cannot be right, or the model has no lens here.
+    ArgumentError, ArgumentTypeError
+        There is no such camera or image; an argument has the wrong type.
+    """
+    document = open_document(source, TITLE)
+    pose = None
+    if images is not None:
+        camera, pose = _choose_image(open_document(images, TITLE, argument="images"), image, camera)
+        pose = metric(pose, metres_per_unit) @ inverse(rigid_argument(vehicle_from_world, "vehicle_from_world"))
+    elif image is not None or vehicle_from_world is not None:
+        raise ArgumentError(
+            "image, vehicle_from_world: expected images= with them, got None; pass the path of images.txt"
+        )
+    line, words = _choose_camera(document, camera)
+    where = f"{document.origin}: line {line}"
+    model = words[1]
+    if model not in _MODELS:
+        mend = (
+            "it has no lens model here; undistort with COLMAP, or calibrate with OPENCV or OPENCV_FISHEYE"
+            if model in _WITHOUT
+            else "check the line, CAMERA_ID MODEL WIDTH HEIGHT PARAMS"
+        )
+        raise CalibrationError(f"{where}: expected one of {', '.join(_MODELS)}, got {model!r:.40}; {mend}")
+    size = checked_size(_value(words[2:3]), _value(words[3:4]), where)
+    same_size(image_size, size, document.origin)
+    focal, names, ours = _MODELS[model]
+    values = numbers(
+        [scalar(word) for word in words[4:]], f"{where}: parameters of {model}", focal + 2 + len(names.split())
+    )
+    for length in values[:focal]:
+        number(length, f"{where}: focal length", unit="pixels", positive=True)
+    cx, cy = values[focal : focal + 2] - 0.5  # COLMAP counts from the corner
+    terms = dict(zip(names.split(), values[focal + 2 :], strict=True))
+    coefficients = [terms.get(term, 0.0) for term in ours.split()]
+    with blame(where):
+        lens: Any = None
+        if model.endswith("FISHEYE"):
+            lens = KannalaBrandt(coefficients)
+        elif any(coefficients):
+            lens = BrownConrady(coefficients)
+        return Camera(
+            pinhole(values[0], values[focal - 1], cx, cy), image_size=size, camera_from_vehicle=pose, lens=lens
+        )
+
+
+def _rows(text: str) -> list[tuple[int, list[str]]]:
+    """Line numbers and words of the lines that are no comments."""
+    rows = [
+        (index, line.split()) for index, line in enumerate(text.split("\n"), 1) if not line.lstrip().startswith("#")
+    ]
+    return [(index, words) for index, words in rows if words]
+
+
+def _value(words: list[str]) -> Any:
+    return scalar(words[0]) if words else None
+
+
+def _choose_camera(document: Document, camera: int | str | None) -> tuple[int, list[str]]:
+    cameras: dict[str, tuple[int, list[str]]] = {}
+    for line, words in _rows(document.text):
+        if len(words) < 2:
+            raise CalibrationError(
+                f"{document.origin}: line {line}: expected CAMERA_ID MODEL WIDTH HEIGHT PARAMS, got one word; "
+                "the file may be cut short, fetch it again"
+            )
+        if words[0] in cameras:
+            raise CalibrationError(f"{document.origin}: line {line}: camera {words[0]!r:.40} is there twice; keep one")
+        cameras[words[0]] = line, words
+    if not cameras:
+        raise CalibrationError(f"{document.origin}: expected a camera, found none; pass cameras.txt, the text model")
+    if camera is None and len(cameras) == 1:
+        return next(iter(cameras.values()))
+    if str(camera) not in cameras:
+        raise ArgumentError(
+            f"{document.origin}: camera: expected one of {listed(cameras)}, got {camera!r:.60}; say which to read"
+        )
+    return cameras[str(camera)]
+
+
+def _choose_image(document: Document, image: int | str | None, camera: int | str | None) -> tuple[int | str, Matrix]:
+    """CAMERA_ID and (4, 4) camera_from_world of an image."""
+    # Every second line lists points, and is empty for an image without any: comments go, empty lines count.
+    lines = [(index, line) for index, line in enumerate(document.text.split("\n"), 1) if not line.startswith("#")]
+    heads = [(index, line.split(None, 9)) for index, line in lines[::2] if line.strip()]
+    found = []
+    for index, words in heads:
+        if len(words) != 10:
+            raise CalibrationError(
+                f"{document.origin}: line {index}: expected IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME, got "
+                f"{len(words)} words; pass images.txt, the text model"
+            )
+        if image is None or str(image) in (words[0], words[9].strip()):
+            found.append((index, words))
+    if len(found) != 1:
+        names = listed([words[9].strip() for _, words in heads])
+        raise ArgumentError(
+            f"{document.origin}: image: expected one of {names}, got {image!r:.60}; say which image's pose to take"
+        )
+    index, words = found[0]
+    where = f"{document.origin}: line {index}"
+    if camera is not None and str(camera) != words[8]:
+        raise ArgumentError(
+            f"{where}: camera: expected {words[8]!r:.40}, the image's own, got {camera!r:.60}; leave it out"
+        )
+    values = [scalar(word) for word in words[1:8]]
+    R = quaternion(values[:4], f"{where}: QW QX QY QZ", "wxyz")
+    return words[8], rigid(R, numbers(values[4:], f"{where}: TX TY TZ", 3))
