@@ -20,6 +20,22 @@ pub enum Error {
         /// The height that came.
         got: f64,
     },
+    /// A plane that is upright, and so has no height.
+    #[error("Plane: expected {expected} got {got:?}; a road has one height at each (x, y)")]
+    Plane {
+        /// Which condition fails.
+        expected: &'static str,
+        /// The normal, or (slope, bank, height).
+        got: [f64; 3],
+    },
+    /// Heights that make no map.
+    #[error("HeightMap: expected {expected}, got {got}")]
+    HeightMap {
+        /// Which condition fails.
+        expected: &'static str,
+        /// What came.
+        got: String,
+    },
     /// An intrinsic matrix that is no pinhole matrix.
     #[error(
         "K: expected [[fx, skew, cx], [0, fy, cy], [0, 0, 1]] with finite entries and fx, fy > 0, got {got:?} ({problem})"

@@ -38,7 +38,7 @@ pub use camera::{
 pub use cpu::{Isa, cpu_features};
 pub use error::{Error, Result};
 pub use grid::{BevGrid, MAX_CELLS, SampleAt};
-pub use ground::Ground;
+pub use ground::{Ground, HeightMap, Plane};
 pub use image::{ImageView, ImageViewMut, Sample};
 pub use lut::Lut;
 pub use parallel::{num_threads, set_num_threads};

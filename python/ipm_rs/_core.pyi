@@ -14,10 +14,12 @@ __all__ = [
     "Camera",
     "DoubleSphere",
     "Eucm",
+    "HeightMap",
     "KannalaBrandt",
     "Lut",
     "Mei",
     "Ocam",
+    "Plane",
     "RadialPolynomial",
     "__version__",
     "cpu_info",
@@ -566,20 +568,22 @@ class Camera:
     def position(self) -> NDArray[np.float64]:
         """The optical centre in the vehicle frame, (3,) float64, metres."""
     def project(
-        self, points: ArrayLike, *, ground: float | None = None
+        self, points: ArrayLike, *, ground: float | Plane | HeightMap | None = None
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
         """Points of the vehicle frame to pixels.
 
         Args:
             points: (N, 3) in metres, or (N, 2) on the road.
-            ground: height of the road for (N, 2) points, 0 if not given; refused with (N, 3).
+            ground: the road under (N, 2) points: its height, a `Plane` or a `HeightMap`, 0 if not given; refused with
+                (N, 3).
 
         Returns:
             uv: (N, 2) float64 pixels; NaN only where a point has no image (behind the camera, outside the lens's domain,
                 not finite).
             depth: (N,) float64, z in the camera frame, metres; negative behind, where a lens of more than 180 degrees
                 still sees.
-            valid: (N,) bool, has an image, inside the rectangle of pixel centres.
+            valid: (N,) bool, has an image, inside the rectangle of pixel centres; of (N, 2) points on a `HeightMap` also
+                not hidden by a crest.
 
         Raises:
             ArgumentError, ArgumentTypeError: the shape or the type is wrong.
@@ -596,12 +600,14 @@ class Camera:
         Raises:
             ArgumentError, ArgumentTypeError: the shape or the type is wrong.
         """
-    def ground_from_pixels(self, uv: ArrayLike, *, ground: float = 0.0) -> NDArray[np.float64]:
+    def ground_from_pixels(
+        self, uv: ArrayLike, *, ground: float | Plane | HeightMap = 0.0
+    ) -> NDArray[np.float64]:
         """Pixels to the road points that they see.
 
         Args:
             uv: (N, 2) pixels, also outside the image.
-            ground: height of the road, metres.
+            ground: the road: its height in metres, a `Plane` or a `HeightMap`.
 
         Returns:
             (N, 3) float64 in the vehicle frame, metres; NaN where the ray misses the road.
@@ -705,6 +711,135 @@ class BevGrid:
     def __reduce__(self) -> tuple[Any, tuple[Any, ...]]: ...
 
 @final
+class Plane:
+    """A plane road: any but an upright one. Immutable, comparable, hashable, picklable; goes wherever `ground=` does.
+
+    A plane above the camera is seen from below, as a ceiling is.
+    """
+
+    def __new__(cls, *, normal: Sequence[float], point: Sequence[float] = (0.0, 0.0, 0.0)) -> Plane:
+        """The plane through a point at right angles to a normal, in the vehicle frame.
+
+        `n . p + d = 0`, as fitted planes are often given, goes through `point = -d n / (n . n)`.
+
+        Args:
+            normal: (x, y, z), of any length and either sign.
+            point: (x, y, z) in metres, any point of the plane.
+
+        Raises:
+            ArgumentError: the normal is zero, or horizontal: an upright plane has no height at (x, y).
+            CalibrationError: a number is not finite.
+        """
+    @classmethod
+    def from_coefficients(cls, a: float, b: float, c: float) -> Plane:
+        """The plane `z = a + b x + c y`.
+
+        Args:
+            a: height at the vehicle's origin, metres.
+            b: metres up for each metre ahead.
+            c: metres up for each metre to the left.
+
+        Raises:
+            CalibrationError: a number is not finite.
+        """
+    @classmethod
+    def from_angles(cls, *, slope: float = 0.0, bank: float = 0.0, height: float = 0.0) -> Plane:
+        """The plane `z = height + tan(slope) x + tan(bank) y`.
+
+        Args:
+            slope: radians; positive climbs ahead. A grade of 6 % is `atan(0.06)`.
+            bank: radians; positive lifts the left side, as positive roll does.
+            height: height at the vehicle's origin, metres.
+
+        Raises:
+            ArgumentError: an angle is a quarter turn or more.
+            CalibrationError: a number is not finite.
+        """
+    @property
+    def coefficients(self) -> tuple[float, float, float]:
+        """(a, b, c) of `z = a + b x + c y`."""
+    @property
+    def normal(self) -> NDArray[np.float64]:
+        """The unit normal that points up, (3,) float64."""
+    def height_at(self, xy: ArrayLike) -> NDArray[np.float64]:
+        """z of the road.
+
+        Args:
+            xy: (N, 2) in metres.
+
+        Returns:
+            (N,) float64, metres.
+        """
+    def __eq__(self, other: object, /) -> bool: ...
+    def __ne__(self, other: object, /) -> bool: ...
+    def __hash__(self) -> int: ...
+    def __reduce__(self) -> tuple[Any, tuple[float, float, float]]: ...
+
+@final
+class HeightMap:
+    """A road of heights at the nodes of a grid. Immutable, comparable, hashable, picklable; goes wherever `ground=` does.
+
+    Between the nodes it is bilinear. Outside the map, and beside a node whose height is NaN, the road is not known:
+    points there have no pixel, cells are invalid. A ray ends where it first meets the road, so pixels of a crest are
+    points of the crest, and what a crest hides is not valid, in `Camera.project` of (N, 2) points and in a `Lut`.
+    """
+
+    def __new__(cls, heights: ArrayLike, *, origin: Sequence[float], spacing: float | Sequence[float]) -> HeightMap:
+        """A map from its heights, its origin and its spacing.
+
+        `heights[i, j]` is z at `(origin[0] + i spacing[0], origin[1] + j spacing[1])` in the vehicle frame.
+
+        Args:
+            heights: (rows, columns), at least 2 x 2, metres; NaN where the road is not known. Rows go along x, columns
+                along y.
+            origin: (x, y) of `heights[0, 0]`, metres.
+            spacing: metres from one node to the next, one number or (along x, along y); negative where they count down.
+
+        Raises:
+            ArgumentError: fewer nodes than 2 x 2, an infinite height, none that is known, or a spacing of zero.
+            CalibrationError: the origin or the spacing is not finite.
+            ArgumentTypeError: the heights are not real numbers.
+        """
+    @classmethod
+    def on_grid(cls, heights: ArrayLike, grid: BevGrid) -> HeightMap:
+        """A map of heights at the samples of a grid, in its order: row 0 farthest, column 0 leftmost.
+
+        It ends at the outermost samples, so with cell centres half a cell inside the grid's edge.
+
+        Args:
+            heights: of the grid's shape, metres; NaN where the road is not known.
+            grid: the grid.
+
+        Raises:
+            ArgumentError: another shape than the grid's, or as for `HeightMap`.
+        """
+    @property
+    def heights(self) -> NDArray[np.float64]:
+        """The heights, (rows, columns) float64, metres; a copy."""
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(rows, columns): nodes along x, nodes along y."""
+    @property
+    def origin(self) -> tuple[float, float]:
+        """(x, y) of `heights[0, 0]`, metres."""
+    @property
+    def spacing(self) -> tuple[float, float]:
+        """Metres from one node to the next (along x, along y)."""
+    def height_at(self, xy: ArrayLike) -> NDArray[np.float64]:
+        """z of the road.
+
+        Args:
+            xy: (N, 2) in metres.
+
+        Returns:
+            (N,) float64, metres; NaN where the road is not known.
+        """
+    def __eq__(self, other: object, /) -> bool: ...
+    def __ne__(self, other: object, /) -> bool: ...
+    def __hash__(self) -> int: ...
+    def __reduce__(self) -> tuple[Any, tuple[Any, ...]]: ...
+
+@final
 class Lut:
     """Where every cell of a bird's-eye view samples the image: built once, used for every frame.
 
@@ -712,15 +847,17 @@ class Lut:
     threads at once.
     """
 
-    def __new__(cls, camera: Camera, grid: BevGrid, *, ground: float = 0.0) -> Lut:
+    def __new__(cls, camera: Camera, grid: BevGrid, *, ground: float | Plane | HeightMap = 0.0) -> Lut:
         """The table of a camera and a grid.
 
-        Cells behind the camera or outside its image are invalid; nothing wraps.
+        Cells behind the camera or outside its image are invalid; nothing wraps. On a `HeightMap` so are cells where the
+        road is not known, and those that a crest hides.
 
         Args:
             camera: the camera.
             grid: the grid on the road.
-            ground: height of the road in the vehicle frame, metres. It is not 0 in every dataset.
+            ground: the road in the vehicle frame: its height in metres (not 0 in every dataset), a `Plane` or a
+                `HeightMap`.
 
         Raises:
             OutOfMemoryError: there is not enough memory for the table.

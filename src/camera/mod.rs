@@ -1,6 +1,7 @@
 //! A calibrated camera: intrinsics, lens model, image size and pose.
 
 pub(crate) mod lens;
+mod on_ground;
 mod pinhole;
 
 pub use lens::{BrownConrady, DoubleSphere, Eucm, KannalaBrandt, Lens, Mei, Ocam, RadialPolynomial};
@@ -10,7 +11,6 @@ use nalgebra::{Matrix3, Vector3};
 
 use crate::error::{Error, Result, finite};
 use crate::geometry::{OPTICAL_FROM_FLU, Pose, euler_from_rotation, rotation_from_euler};
-use crate::ground::Ground;
 
 /// Where a point falls on the image.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -142,12 +142,6 @@ impl Camera {
         }
     }
 
-    /// Where the ray through a pixel meets the road, in the vehicle frame; `None` where it does not.
-    pub fn ground_from_pixel(&self, pixel: [f64; 2], ground: &Ground) -> Option<Vector3<f64>> {
-        let direction = self.vehicle_from_camera.rotation() * self.ray(pixel)?;
-        ground.intersect(&self.position(), &direction)
-    }
-
     /// The same camera with its image resampled to another size. Pixel areas scale, so
     /// `c' = (c + 0.5) s - 0.5`, per axis, as `cv2.resize` does to the picture.
     ///
@@ -243,6 +237,7 @@ pub(crate) fn check_image_size(what: &'static str, width: u64, height: u64) -> R
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::ground::Ground;
 
     fn seed() -> Camera {
         let model =

@@ -3,48 +3,62 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::kernels::{BentRow, ProjectiveRow};
+use super::surface::Surface;
 use super::{Lut, table::Table};
 use crate::camera::{Camera, Lens, check_image_size};
 use crate::cpu::Isa;
 use crate::error::{Error, Result};
 use crate::grid::BevGrid;
-use crate::ground::Ground;
+use crate::ground::{Ground, Plane};
 
 impl Camera {
-    /// A row of a grid on the road, at `x`, as a projective map of y.
-    fn ground_row(&self, x: f64, ground: &Ground) -> ProjectiveRow {
+    /// A row of a grid on a plane road, at `x`, as a projective map of y.
+    fn ground_row(&self, x: f64, plane: &Plane) -> ProjectiveRow {
         let image_from_vehicle = self.intrinsics() * self.camera_from_vehicle().rotation();
         let offset = self.intrinsics() * self.camera_from_vehicle().translation();
-        // the road is level, so height does not change along the row
-        let height = ground.height_at(x, 0.0);
+        let [_, _, bank] = plane.coefficients();
+        let height = plane.height_at(x, 0.0);
         let origin = image_from_vehicle.column(0) * x + image_from_vehicle.column(2) * height + offset;
-        ProjectiveRow { origin, step: image_from_vehicle.column(1).into(), culled: true }
+        let step = image_from_vehicle.column(1) + image_from_vehicle.column(2) * bank;
+        ProjectiveRow { origin, step, culled: true }
     }
 
     /// The same behind a lens.
-    fn bent_row<'a>(&self, lens: &'a Lens, x: f64, ground: &Ground) -> BentRow<'a> {
+    fn bent_row<'a>(&self, lens: &'a Lens, x: f64, plane: &Plane) -> BentRow<'a> {
         let pose = self.camera_from_vehicle();
-        let origin = pose.transform(&Vector3::new(x, 0.0, ground.height_at(x, 0.0)));
-        BentRow { origin, step: pose.rotation().column(1).into(), intrinsics: self.intrinsics(), lens }
+        let [_, _, bank] = plane.coefficients();
+        let origin = pose.transform(&Vector3::new(x, 0.0, plane.height_at(x, 0.0)));
+        let step = pose.rotation().column(1) + pose.rotation().column(2) * bank;
+        BentRow { origin, step, intrinsics: self.intrinsics(), lens }
     }
 }
 
 impl Lut {
     /// The table of a bird's-eye view: each cell of the grid samples the pixel that sees its road point. Cells behind
-    /// the camera, outside its lens's domain or outside its image are invalid; nothing wraps.
+    /// the camera, outside its lens's domain or outside its image are invalid; nothing wraps. Of a height map, so are
+    /// cells where the road is not known, and those that a crest hides.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`].
     pub fn new(camera: &Camera, grid: &BevGrid, ground: &Ground) -> Result<Self> {
         let isa = Isa::active()?;
         let ys: Vec<f64> = (0..grid.columns()).map(|column| grid.y_of_column(column as f64)).collect();
-        let table = Table::build((grid.rows(), grid.columns()), camera.image_size(), isa, |row, us, vs| {
-            let x = grid.x_of_row(row as f64);
-            match camera.lens() {
-                None => camera.ground_row(x, ground).fill(isa, &ys, us, vs),
-                Some(lens) => camera.bent_row(lens, x, ground).fill(isa, &ys, us, vs),
+        let shape = (grid.rows(), grid.columns());
+        let table = match ground {
+            Ground::Plane(plane) => Table::build(shape, camera.image_size(), isa, |row, us, vs| {
+                let x = grid.x_of_row(row as f64);
+                match camera.lens() {
+                    None => camera.ground_row(x, plane).fill(isa, &ys, us, vs),
+                    Some(lens) => camera.bent_row(lens, x, plane).fill(isa, &ys, us, vs),
+                }
+            }),
+            Ground::HeightMap(map) => {
+                let surface = Surface::new(camera, map, &ys);
+                Table::build(shape, camera.image_size(), isa, |row, us, vs| {
+                    surface.fill(isa, grid.x_of_row(row as f64), us, vs);
+                })
             }
-        })?;
+        }?;
         Ok(Self { table })
     }
 

@@ -4,6 +4,7 @@ mod build;
 mod io;
 pub(crate) mod kernels;
 mod maps;
+mod surface;
 pub(crate) mod table;
 pub(crate) mod tap;
 

@@ -11,9 +11,10 @@ use super::convert::{
     Floats, Reduced, float, floats, matrix_to_numpy, matrix3, matrix4, rebuilt_by_new, rows_to_numpy, size, whole,
 };
 use super::error::classes::{ArgumentError, CalibrationError};
+use super::ground::road;
 use super::lens::{hash_lens, lens as lens_model, lens_to_python};
 use crate::geometry::Pose;
-use crate::{Camera, Ground, Pinhole, Projection};
+use crate::{Camera, Pinhole, Projection};
 
 /// A calibrated camera: intrinsics, image size and pose.
 #[pyclass(frozen, eq, hash, module = "ipm_rs", name = "Camera")]
@@ -144,10 +145,7 @@ impl PyCamera {
         let ground = road(ground)?;
         let projections: Vec<Projection> = if on_ground {
             let rows = floats.rows::<2>("points")?;
-            py.detach(|| {
-                let lift = |&[x, y]: &[f64; 2]| Vector3::new(x, y, ground.height_at(x, y));
-                rows.iter().map(|row| self.camera.project(&lift(row))).collect()
-            })
+            py.detach(|| rows.iter().map(|&row| self.camera.project_ground(row, &ground)).collect())
         } else {
             let rows = floats.rows::<3>("points")?;
             py.detach(|| rows.iter().map(|&row| self.camera.project(&Vector3::from(row))).collect())
@@ -229,12 +227,4 @@ fn pinhole(k: &Bound<'_, PyAny>) -> PyResult<Pinhole> {
 
 fn pose(name: &'static str, object: &Bound<'_, PyAny>) -> PyResult<Pose> {
     Ok(Pose::from_matrix(name, &matrix4(name, object)?)?)
-}
-
-/// The road: z = 0 where nothing is said.
-pub(super) fn road(ground: Option<&Bound<'_, PyAny>>) -> PyResult<Ground> {
-    match ground {
-        Some(height) => Ok(Ground::height(float("ground", height)?)?),
-        None => Ok(Ground::default()),
-    }
 }

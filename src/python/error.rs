@@ -43,6 +43,8 @@ impl From<Error> for PyErr {
             | Error::MixedChannels { .. }
             | Error::OutputShape { .. } => classes::ImageError::new_err(message),
             Error::Ground { .. }
+            | Error::Plane { .. }
+            | Error::HeightMap { .. }
             | Error::ImageSize { .. }
             | Error::Crop { .. }
             | Error::BorderChannels { .. }

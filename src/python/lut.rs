@@ -5,10 +5,11 @@ use numpy::{PyArray1, PyArray2, PyArrayDescrMethods, PyArrayMethods, PyUntypedAr
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyTuple, PyType};
 
-use super::camera::{PyCamera, road};
+use super::camera::PyCamera;
 use super::convert::{float, matrix3, size, tuple_text, type_name};
 use super::error::classes::{ArgumentTypeError, ImageError};
 use super::grid::PyBevGrid;
+use super::ground::road;
 use super::image::ImageArray;
 use super::layout::Layout;
 use super::maps::{contiguous, map_pair};

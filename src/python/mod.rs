@@ -22,6 +22,7 @@ mod direct;
 mod error;
 mod geometry;
 mod grid;
+mod ground;
 mod image;
 mod layout;
 mod lens;
@@ -46,6 +47,8 @@ mod core_module {
     };
     #[pymodule_export]
     use super::grid::PyBevGrid;
+    #[pymodule_export]
+    use super::ground::{PyHeightMap, PyPlane};
     #[pymodule_export]
     use super::lens::{PyBrownConrady, PyDoubleSphere, PyEucm, PyKannalaBrandt, PyMei, PyOcam, PyRadialPolynomial};
     #[pymodule_export]

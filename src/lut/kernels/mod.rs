@@ -5,11 +5,13 @@
 //! correctly rounded and nothing is fused, so all give the same table to the last bit.
 
 mod bent;
+mod heights;
 mod projective;
 mod quantise;
 mod widen;
 
 pub(crate) use bent::BentRow;
+pub(crate) use heights::HeightsRow;
 pub(crate) use projective::ProjectiveRow;
 pub(crate) use quantise::{Kinds, quantise, quantise_one};
 pub(crate) use widen::widen;

@@ -1,0 +1,80 @@
+//! The road: a height, a plane or a height map.
+
+mod height_map;
+mod plane;
+mod ray;
+mod rows;
+
+use std::sync::Arc;
+
+use nalgebra::Vector3;
+
+pub use height_map::HeightMap;
+pub use plane::Plane;
+pub(crate) use rows::HeightRows;
+
+use crate::error::{Error, Result};
+
+/// The road surface in the vehicle frame, metres: one height for each (x, y), where it is known.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Ground {
+    /// A plane; a road at one height is one that is level.
+    Plane(Plane),
+    /// Heights at the nodes of a grid, bilinear between them and unknown outside.
+    HeightMap(Arc<HeightMap>),
+}
+
+impl Ground {
+    /// The horizontal plane z = `height`.
+    ///
+    /// # Errors
+    /// [`Error::Ground`].
+    pub fn height(height: f64) -> Result<Self> {
+        if height.is_finite() { Ok(Self::Plane(Plane::level(height))) } else { Err(Error::Ground { got: height }) }
+    }
+
+    /// z of the road at (x, y); NaN where it is unknown.
+    #[inline]
+    pub fn height_at(&self, x: f64, y: f64) -> f64 {
+        match self {
+            Self::Plane(plane) => plane.height_at(x, y),
+            Self::HeightMap(map) => map.height_at(x, y),
+        }
+    }
+
+    /// Where the ray from `origin` along `direction` first meets the road; `None` where it runs above it, along it or
+    /// away, or ends where the road is unknown.
+    pub fn intersect(&self, origin: &Vector3<f64>, direction: &Vector3<f64>) -> Option<Vector3<f64>> {
+        match self {
+            Self::Plane(plane) => plane.intersect(origin, direction),
+            Self::HeightMap(map) => map.intersect(origin, direction),
+        }
+    }
+
+    /// Whether the road itself stands between `eye` and a point on it: behind a crest. Never for a plane.
+    pub fn hides(&self, eye: &Vector3<f64>, point: &Vector3<f64>) -> bool {
+        match self {
+            Self::Plane(_) => false,
+            Self::HeightMap(map) => map.hides(eye, point),
+        }
+    }
+}
+
+impl Default for Ground {
+    /// z = 0.
+    fn default() -> Self {
+        Self::Plane(Plane::level(0.0))
+    }
+}
+
+impl From<Plane> for Ground {
+    fn from(plane: Plane) -> Self {
+        Self::Plane(plane)
+    }
+}
+
+impl From<HeightMap> for Ground {
+    fn from(map: HeightMap) -> Self {
+        Self::HeightMap(Arc::new(map))
+    }
+}

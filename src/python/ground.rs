@@ -1,0 +1,232 @@
+//! `Plane`, `HeightMap`, and the argument `ground=`.
+
+use std::hash::{Hash, Hasher};
+use std::sync::Arc;
+
+use numpy::{PyArray1, PyArray2, PyArrayMethods};
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyTuple, PyType};
+
+use super::convert::{Floats, Reduced, float, floats, rebuilt_by_new, tuple_text, type_name};
+use super::error::classes::{ArgumentError, ArgumentTypeError};
+use super::grid::PyBevGrid;
+use crate::{Ground, HeightMap, Plane};
+
+/// A plane road: any but an upright one.
+#[pyclass(frozen, eq, hash, module = "ipm_rs", name = "Plane")]
+#[derive(PartialEq)]
+pub(super) struct PyPlane {
+    plane: Plane,
+}
+
+impl Hash for PyPlane {
+    fn hash<H: Hasher>(&self, state: &mut H) {
+        hash_floats(&self.plane.coefficients(), state);
+    }
+}
+
+#[pymethods]
+impl PyPlane {
+    #[new]
+    #[pyo3(signature = (*, normal, point = None), text_signature = "(*, normal, point=(0.0, 0.0, 0.0))")]
+    fn new(normal: &Bound<'_, PyAny>, point: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
+        let normal = floats("normal", "(x, y, z)", normal)?;
+        let point = point.map_or(Ok([0.0; 3]), |object| floats("point", "(x, y, z) in metres", object))?;
+        Ok(Self { plane: Plane::new(normal, point)? })
+    }
+
+    /// The plane z = a + b x + c y.
+    #[classmethod]
+    fn from_coefficients(
+        _cls: &Bound<'_, PyType>,
+        a: &Bound<'_, PyAny>,
+        b: &Bound<'_, PyAny>,
+        c: &Bound<'_, PyAny>,
+    ) -> PyResult<Self> {
+        Ok(Self { plane: Plane::from_coefficients(float("a", a)?, float("b", b)?, float("c", c)?)? })
+    }
+
+    /// The plane that climbs `slope` ahead and `bank` to the left; radians.
+    #[classmethod]
+    #[pyo3(
+        signature = (*, slope = None, bank = None, height = None),
+        text_signature = "(*, slope=0.0, bank=0.0, height=0.0)"
+    )]
+    fn from_angles(
+        _cls: &Bound<'_, PyType>,
+        slope: Option<&Bound<'_, PyAny>>,
+        bank: Option<&Bound<'_, PyAny>>,
+        height: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        let number = |name, object: Option<&Bound<'_, PyAny>>| object.map_or(Ok(0.0), |object| float(name, object));
+        let (slope, bank, height) = (number("slope", slope)?, number("bank", bank)?, number("height", height)?);
+        Ok(Self { plane: Plane::from_angles(slope, bank, height)? })
+    }
+
+    /// (a, b, c) of z = a + b x + c y.
+    #[getter]
+    fn coefficients(&self) -> (f64, f64, f64) {
+        self.plane.coefficients().into()
+    }
+
+    /// The unit normal that points up, (3,) float64.
+    #[getter]
+    fn normal<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        PyArray1::from_slice(py, self.plane.normal().as_slice())
+    }
+
+    /// z at (x, y), (N, 2) to (N,).
+    fn height_at<'py>(&self, xy: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        heights_at(&self.plane.into(), xy)
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, (f64, f64, f64))> {
+        Ok((py.get_type::<Self>().getattr("from_coefficients")?, self.coefficients()))
+    }
+
+    fn __repr__(&self) -> String {
+        let (a, b, c) = self.coefficients();
+        format!("Plane.from_coefficients({a:?}, {b:?}, {c:?})  # z = a + b x + c y")
+    }
+}
+
+/// A road of heights at the nodes of a grid: bilinear between them, unknown outside.
+#[pyclass(frozen, eq, hash, module = "ipm_rs", name = "HeightMap")]
+#[derive(PartialEq)]
+pub(super) struct PyHeightMap {
+    map: Arc<HeightMap>,
+}
+
+impl Hash for PyHeightMap {
+    fn hash<H: Hasher>(&self, state: &mut H) {
+        let (origin, spacing) = (self.map.origin(), self.map.spacing());
+        hash_floats(&[origin.0, origin.1, spacing.0, spacing.1], state);
+        self.shape().hash(state);
+        hash_floats(self.map.heights(), state);
+    }
+}
+
+#[pymethods]
+impl PyHeightMap {
+    #[new]
+    #[pyo3(signature = (heights, *, origin, spacing))]
+    fn new(heights: &Bound<'_, PyAny>, origin: &Bound<'_, PyAny>, spacing: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let origin = floats::<2>("origin", "(x, y) of heights[0, 0] in metres", origin)?;
+        let spacing = match spacing.extract::<f64>() {
+            Ok(_) => [float("spacing", spacing)?; 2],
+            Err(_) => floats::<2>("spacing", "metres between nodes, or (along x, along y)", spacing)?,
+        };
+        Self::of(heights, origin.into(), spacing.into())
+    }
+
+    /// Heights at the samples of a grid, in its order.
+    #[classmethod]
+    fn on_grid(_cls: &Bound<'_, PyType>, heights: &Bound<'_, PyAny>, grid: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let Ok(grid) = grid.cast::<PyBevGrid>() else {
+            let message = format!("grid: expected an ipm_rs.BevGrid, got {}", type_name(grid));
+            return Err(ArgumentTypeError::new_err(message));
+        };
+        let grid = &grid.get().grid;
+        let expected = [grid.rows(), grid.columns()];
+        let got = Floats::new("heights", "a (rows, columns) array", heights)?;
+        if got.shape() != expected {
+            return Err(ArgumentError::new_err(format!(
+                "heights: expected the grid's shape {}, got {}",
+                tuple_text(&expected),
+                tuple_text(got.shape())
+            )));
+        }
+        let [x, y] = grid.ground_from_cell([0.0, 0.0]);
+        let (dx, dy) = grid.resolution();
+        Self::of(heights, (x, y), (-dx, -dy))
+    }
+
+    /// The heights, (rows, columns) float64, a copy.
+    #[getter]
+    fn heights<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        PyArray1::from_slice(py, self.map.heights()).reshape(self.shape())
+    }
+
+    /// (rows, columns): nodes along x, nodes along y.
+    #[getter]
+    fn shape(&self) -> (usize, usize) {
+        (self.map.rows(), self.map.columns())
+    }
+
+    /// (x, y) of heights[0, 0], metres.
+    #[getter]
+    fn origin(&self) -> (f64, f64) {
+        self.map.origin()
+    }
+
+    /// Metres from one node to the next (along x, along y).
+    #[getter]
+    fn spacing(&self) -> (f64, f64) {
+        self.map.spacing()
+    }
+
+    /// z at (x, y), (N, 2) to (N,); NaN where the road is unknown.
+    fn height_at<'py>(&self, xy: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        heights_at(&Ground::HeightMap(Arc::clone(&self.map)), xy)
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Reduced<'py>> {
+        let keywords = PyDict::new(py);
+        keywords.set_item("origin", self.origin())?;
+        keywords.set_item("spacing", self.spacing())?;
+        rebuilt_by_new(py.get_type::<Self>(), PyTuple::new(py, [self.heights(py)?])?, keywords)
+    }
+
+    fn __repr__(&self) -> String {
+        let (rows, columns) = self.shape();
+        let (origin, spacing) = (self.origin(), self.spacing());
+        let known = self.map.heights().iter().filter(|height| !height.is_nan());
+        let (low, high) = known.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), z| (low.min(*z), high.max(*z)));
+        format!("HeightMap({rows} x {columns} heights from {low} to {high} m, origin={origin:?}, spacing={spacing:?})")
+    }
+}
+
+impl PyHeightMap {
+    fn of(heights: &Bound<'_, PyAny>, origin: (f64, f64), spacing: (f64, f64)) -> PyResult<Self> {
+        let floats = Floats::new("heights", "a (rows, columns) array", heights)?;
+        let [_, columns] = *floats.shape() else {
+            let got = tuple_text(floats.shape());
+            return Err(ArgumentError::new_err(format!("heights: expected shape (rows, columns), got {got}")));
+        };
+        let values = floats.values();
+        let map = heights.py().detach(|| HeightMap::new(values.to_vec(), columns, origin, spacing))?;
+        Ok(Self { map: Arc::new(map) })
+    }
+}
+
+/// The road: z = 0 where nothing is said.
+pub(super) fn road(ground: Option<&Bound<'_, PyAny>>) -> PyResult<Ground> {
+    let Some(ground) = ground else { return Ok(Ground::default()) };
+    if let Ok(plane) = ground.cast::<PyPlane>() {
+        return Ok(plane.get().plane.into());
+    }
+    if let Ok(map) = ground.cast::<PyHeightMap>() {
+        return Ok(Ground::HeightMap(Arc::clone(&map.get().map)));
+    }
+    let height = float("ground", ground).map_err(|_| {
+        let got = type_name(ground);
+        let expected = "a height in metres, an ipm_rs.Plane or an ipm_rs.HeightMap";
+        ArgumentTypeError::new_err(format!("ground: expected {expected}, got {got}"))
+    })?;
+    Ok(Ground::height(height)?)
+}
+
+fn heights_at<'py>(ground: &Ground, xy: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArray1<f64>>> {
+    let floats = Floats::new("xy", "an (N, 2) array", xy)?;
+    let rows = floats.rows::<2>("xy")?;
+    let heights = xy.py().detach(|| rows.iter().map(|&[x, y]| ground.height_at(x, y)).collect());
+    Ok(PyArray1::from_vec(xy.py(), heights))
+}
+
+/// Hashes numbers as `==` compares them: 0.0 is -0.0, and NaN, a height that is not known, is NaN.
+fn hash_floats<H: Hasher>(values: &[f64], state: &mut H) {
+    for value in values {
+        let bits = if value.is_nan() { f64::NAN.to_bits() } else { (value + 0.0).to_bits() };
+        bits.hash(state);
+    }
+}
