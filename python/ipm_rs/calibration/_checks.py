@@ -20,10 +20,12 @@ from ipm_rs.errors import ArgumentError, ArgumentTypeError, CalibrationError
 
 __all__ = [
     "OPTICAL_FROM_FLU",
+    "Matrix",
     "Section",
     "blame",
     "describe",
     "image_size",
+    "inverse",
     "listed",
     "matrix",
     "number",
@@ -218,6 +220,13 @@ def rigid(R: Matrix, t: Matrix | Sequence[float]) -> Matrix:
     T = np.eye(4)
     T[:3, :3], T[:3, 3] = R, t
     return T
+
+
+def inverse(T: Matrix) -> Matrix:
+    """(4, 4) inverse of a rigid transform as printed: its rotation is not quite orthonormal, and this undoes it exactly."""
+    undone: Matrix = np.linalg.inv(T)
+    undone[3] = (0.0, 0.0, 0.0, 1.0)
+    return undone
 
 
 def pinhole(fx: float, fy: float, cx: float, cy: float, skew: float = 0.0) -> Matrix:

@@ -1,0 +1,140 @@
+"""KITTI-360: the directory ``calibration`` with one file for each relation, metres and pixels.
+
+* ``perspective.txt``: cameras 00 and 01 (rectified, 1408 x 376): ``S_rect_xx`` width and height, ``R_rect_xx`` camera
+  xx to rectified camera xx, ``P_rect_xx`` whose left 3x3 is K. Its fourth column is the stereo offset from camera 00,
+  which the camera's own pose replaces here.
+* ``image_02.yaml``, ``image_03.yaml``: side fisheyes (1400 x 1400), model MEI: ``xi``, ``k1 k2 p1 p2``,
+  ``gamma1 gamma2 u0 v0``. All of it is used; the dataset's own devkit leaves ``p1, p2`` out, up to 0.96 px.
+* ``calib_cam_to_pose.txt``: ``image_0x: 3x4``, camera (not rectified) to the GPS/IMU pose frame: the opposite direction
+  of KITTI's. The pose frame has x forward, y right, z down.
+* ``calib_cam_to_velo.txt``: 3x4, camera 00 (not rectified) to the Velodyne, x forward, y left, z up.
+
+Camera axes: x right, y down, z forward. Pixel (0, 0) is read as the centre of the first.
+
+The vehicle frame, x forward, y left, z up after reading, is
+
+* ``frame="velodyne"``: ``ground=-1.73``, nominal;
+* ``frame="pose"``: the GPS/IMU frame with y and z turned around, ``ground=-0.9``, nominal: camera 00 is 0.65 m above
+  it, and 1.55 m above the road.
+"""
+
+from __future__ import annotations
+
+from typing import Literal, get_args
+
+import numpy as np
+
+from ipm_rs._core import Camera, Mei
+from ipm_rs.calibration._checks import Matrix, Section, blame, image_size, inverse, pinhole, rigid
+from ipm_rs.calibration._files import Document, Source
+from ipm_rs.calibration._lines import Files, key_lines, nested_lines
+from ipm_rs.calibration.kitti import camera_number, one_of, projection
+
+__all__ = ["TITLE", "Frame", "missing", "read"]
+
+TITLE = "KITTI-360"
+
+Frame = Literal["velodyne", "pose"]
+
+_PERSPECTIVE, _TO_POSE, _TO_VELODYNE = "perspective.txt", "calib_cam_to_pose.txt", "calib_cam_to_velo.txt"
+
+_FLU_FROM_POSE = np.diag([1.0, -1.0, -1.0, 1.0])
+
+
+def read(source: Source, *, camera: int | str | None = None, frame: Frame = "velodyne") -> Camera:
+    """Read a camera of a KITTI-360 calibration.
+
+    Parameters
+    ----------
+    source : str, path or mapping
+        The directory ``calibration``, or one of its files (the others are looked for beside it), or a mapping of the
+        names of the files, without extension, to their content (``calib_cam_to_velo``: 12 numbers).
+    camera : int or str, optional
+        0 and 1 are the rectified perspective cameras, 2 (left) and 3 (right) the fisheyes. Without it, 0, or that of an
+        ``image_0x.yaml`` given as `source`.
+    frame : {"velodyne", "pose"}
+        Which frame the camera's vehicle frame is; see above for each one's ``ground``.
+
+    Returns
+    -------
+    Camera
+        A pinhole, or with a `Mei` lens; its image size is the file's.
+
+    Raises
+    ------
+    MissingFileError, FileError
+        A file is missing or cannot be read.
+    CalibrationError
+        A key is missing, or its numbers cannot be right.
+    ArgumentError, ArgumentTypeError
+        `camera` or `frame` is none of those above, or an argument has the wrong type.
+    """
+    frame = one_of("frame", frame, get_args(Frame))
+    files = Files(source, TITLE)
+    if camera is None:
+        stem = files.document.path.stem if files.document else ""
+        camera = stem if stem in ("image_02", "image_03") else 0
+    number = camera_number(camera, (0, 1, 2, 3))
+    if number in (0, 1):
+        place = files.section(_PERSPECTIVE)
+        width, height = place.numbers(f"S_rect_0{number}", 2, unit="pixels")
+        size = image_size(float(width), float(height), place.where(f"S_rect_0{number}"))
+        K, _ = projection(place, f"P_rect_0{number}")
+        rectification = place.rotation(f"R_rect_0{number}")
+        lens = None
+    else:
+        place = files.section(f"image_0{number}.yaml", nested_lines)
+        size, K, lens = _fisheye(place)
+        rectification = np.eye(3)
+    camera_from_vehicle = rigid(rectification, (0.0, 0.0, 0.0)) @ _pose(files, number, frame)
+    with blame(place.origin):
+        return Camera(K, image_size=size, camera_from_vehicle=camera_from_vehicle, lens=lens)
+
+
+def missing(document: Document) -> str | None:
+    """Say what a document lacks to be of this format."""
+    if document.is_directory:
+        lacks = [name for name in (_PERSPECTIVE, _TO_POSE) if not (document.path / name).is_file()]
+        return f"no {' and no '.join(lacks)} in it" if lacks else None
+    if document.path.suffix == ".yaml":
+        place = nested_lines(document)
+        lacks = [
+            key for key in ("mirror_parameters", "distortion_parameters", "projection_parameters") if key not in place
+        ]
+        return f"no {', '.join(lacks)}" if lacks else None
+    place = key_lines(document)
+    lacks = [key for key in ("S_rect_00", "R_rect_00", "P_rect_00") if key not in place]
+    if not lacks and "P_rect_02" in place:
+        return "a line P_rect_02:, so KITTI's raw data"
+    return f"no line {', '.join(f'{key}:' for key in lacks)}" if lacks else None
+
+
+def _fisheye(place: Section) -> tuple[tuple[int, int], Matrix, Mei]:
+    if "model_type" in place:
+        place.text("model_type", among=("MEI",))
+    mirror, distortion = place.section("mirror_parameters"), place.section("distortion_parameters")
+    focal = place.section("projection_parameters")
+    distortion.require("k1", "k2", "p1", "p2")
+    focal.require("gamma1", "gamma2", "u0", "v0")
+    with blame(place.origin):
+        lens = Mei(mirror.number("xi"), [distortion.number(key) for key in ("k1", "k2", "p1", "p2")])
+    K = pinhole(
+        focal.number("gamma1", unit="pixels", positive=True),
+        focal.number("gamma2", unit="pixels", positive=True),
+        focal.number("u0", unit="pixels"),
+        focal.number("v0", unit="pixels"),
+    )
+    return place.image_size("image_width", "image_height"), K, lens
+
+
+def _pose(files: Files, number: int, frame: Frame) -> Matrix:
+    """(4, 4) transform from a frame, in axes x forward, y left, z up, to a camera, not rectified."""
+    to_pose = files.section(_TO_POSE)
+    camera_from_pose = inverse(to_pose.pose(f"image_0{number}"))
+    if frame == "pose":
+        return camera_from_pose @ _FLU_FROM_POSE
+    velodyne = files.section(_TO_VELODYNE)
+    camera0_from_velodyne = inverse(velodyne.pose(""))
+    if number == 0:
+        return camera0_from_velodyne
+    return camera_from_pose @ to_pose.pose("image_00") @ camera0_from_velodyne
