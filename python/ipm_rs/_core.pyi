@@ -378,6 +378,164 @@ class Camera:
             FileError, MissingFileError: the file cannot be read.
         """
     @classmethod
+    def from_kitti(
+        cls,
+        source: str | PathLike[str] | Mapping[str, Any],
+        *,
+        camera: int | str = 2,
+        image_size: Sequence[int] | None = None,
+        frame: Literal["velodyne", "imu", "camera", "road"] = "velodyne",
+    ) -> Camera:
+        """A camera of a KITTI calibration file (object, tracking, odometry, road); see `ipm_rs.calibration.kitti.read`.
+
+        Args:
+            source: path of the text file, or a mapping of its keys to numbers.
+            camera: 0 to 3; 2 is the left colour camera.
+            image_size: (width, height); needed, the file does not hold it.
+            frame: the vehicle frame. Road: "velodyne" `ground=-1.73`, "imu" -0.93, "camera" -1.65 (all nominal), "road" 0.
+
+        Raises:
+            CalibrationError: a key or the image size is missing, or numbers cannot be right.
+            ArgumentError, ArgumentTypeError: there is no such camera, or an argument cannot be right.
+            FileError, MissingFileError: a file cannot be read.
+        """
+    @classmethod
+    def from_kitti_raw(
+        cls,
+        source: str | PathLike[str] | Mapping[str, Any],
+        *,
+        camera: int | str = 2,
+        rectified: bool = True,
+        frame: Literal["velodyne", "imu", "camera"] = "velodyne",
+    ) -> Camera:
+        """A camera of a KITTI raw calibration; see `ipm_rs.calibration.kitti_raw.read`.
+
+        Args:
+            source: the day's directory, its `calib_cam_to_cam.txt`, or a mapping of the files' names to their content.
+            camera: 0 to 3; 2 is the left colour camera.
+            rectified: the camera of the rectified images; False: of the raw ones, with their lens.
+            frame: the vehicle frame; its road as for `from_kitti`.
+
+        Raises:
+            CalibrationError: a key is missing or its numbers cannot be right.
+            ArgumentError, ArgumentTypeError: there is no such camera, or an argument cannot be right.
+            FileError, MissingFileError: a file cannot be read.
+        """
+    @classmethod
+    def from_kitti_360(
+        cls,
+        source: str | PathLike[str] | Mapping[str, Any],
+        *,
+        camera: int | str | None = None,
+        frame: Literal["velodyne", "pose"] = "velodyne",
+    ) -> Camera:
+        """A camera of a KITTI-360 calibration; see `ipm_rs.calibration.kitti_360.read`.
+
+        Args:
+            source: the directory `calibration`, a file of it, or a mapping of the files' names to their content.
+            camera: 0, 1 perspective, 2, 3 fisheye; 0 if not given, or that of an `image_0x.yaml`.
+            frame: the vehicle frame. Road: "velodyne" `ground=-1.73`, "pose" -0.9, nominal.
+
+        Raises:
+            CalibrationError: a key is missing or its numbers cannot be right.
+            ArgumentError, ArgumentTypeError: there is no such camera, or an argument cannot be right.
+            FileError, MissingFileError: a file cannot be read.
+        """
+    @classmethod
+    def from_nuscenes(
+        cls,
+        source: str | PathLike[str] | Mapping[str, Any] | Sequence[Mapping[str, Any]],
+        *,
+        camera: str | None = None,
+        image_size: Sequence[int] | None = None,
+        sensors: str | PathLike[str] | Sequence[Mapping[str, Any]] | None = None,
+    ) -> Camera:
+        """A camera of nuScenes, Lyft or nuImages, the road at z = 0; see `ipm_rs.calibration.nuscenes.read`.
+
+        Args:
+            source: `calibrated_sensor.json`, its directory, the list of records, or one record.
+            camera: token of the record, or name ("CAM_FRONT") or token of its sensor; not needed for one record.
+            image_size: (width, height), 1600 x 900 if not given; needed for Lyft.
+            sensors: `sensor.json` or its records; if not given, the file beside `source`.
+
+        Raises:
+            CalibrationError: a key is missing or its numbers cannot be right.
+            ArgumentError, ArgumentTypeError: there is no such camera, or an argument cannot be right.
+            FileError, MissingFileError: a file cannot be read.
+        """
+    @classmethod
+    def from_argoverse2(
+        cls, source: str | PathLike[str] | Mapping[str, Any], *, camera: str = "ring_front_center"
+    ) -> Camera:
+        """A camera of an Argoverse 2 log, the road at `ground=-0.33`; see `ipm_rs.calibration.argoverse2.read`.
+
+        Args:
+            source: the log's directory, its `calibration`, or mappings of the tables' rows.
+            camera: the sensor_name.
+
+        Raises:
+            CalibrationError: a key is missing or its numbers cannot be right.
+            ArgumentError, ArgumentTypeError: there is no such camera, or an argument cannot be right.
+            FileError, MissingFileError: a file cannot be read.
+            MissingExtraError: pyarrow, which reads the files, is not installed.
+        """
+    @classmethod
+    def from_waymo(
+        cls,
+        source: str | PathLike[str] | Mapping[str, Any] | Sequence[Mapping[str, Any]],
+        *,
+        camera: str | int | None = None,
+    ) -> Camera:
+        """A camera from Waymo's CameraCalibration fields; see `ipm_rs.calibration.waymo.read`.
+
+        Args:
+            source: one calibration, a list, or a context, as mappings or as a JSON file.
+            camera: its name or number; not needed for one.
+
+        Raises:
+            CalibrationError: a key is missing or its numbers cannot be right.
+            ArgumentError, ArgumentTypeError: there is no such camera, or an argument cannot be right.
+            FileError, MissingFileError: a file cannot be read.
+        """
+    @classmethod
+    def from_carla(
+        cls,
+        source: str | PathLike[str] | Mapping[str, Any] | None = None,
+        *,
+        camera: str | None = None,
+        image_size: Sequence[int] | None = None,
+        fov: float | None = None,
+        transform: Any = None,
+        handedness: Literal["left", "right"] = "left",
+    ) -> Camera:
+        """A camera of a CARLA sensor, the road at z = 0; see `ipm_rs.calibration.carla.read`.
+
+        Args:
+            source: the sensor's attributes, or the ROS bridge's `objects.json`; path or mapping.
+            camera: the sensor's id in `objects.json`.
+            image_size: (width, height).
+            fov: horizontal, degrees.
+            transform: `carla.Transform`, 4x4, or mapping of x, y, z (metres) and roll, pitch, yaw (degrees).
+            handedness: of the frame of `transform`: CARLA's "left", or "right" (x forward, y left, z up).
+
+        Raises:
+            CalibrationError: a number is missing or cannot be right.
+            ArgumentError, ArgumentTypeError: there is no such camera, or something was given twice or cannot be right.
+            FileError, MissingFileError: a file cannot be read.
+        """
+    @classmethod
+    def from_json(cls, source: str | PathLike[str] | Mapping[str, Any]) -> Camera:
+        """A camera that `save` or `to_json` wrote; see `ipm_rs.calibration.json`.
+
+        Args:
+            source: path, the JSON text itself, or what `json.loads` makes of it.
+
+        Raises:
+            CalibrationError: another format, a newer version, or numbers that cannot be right.
+            ArgumentTypeError: neither text, a path nor a mapping.
+            FileError, MissingFileError: a file cannot be read.
+        """
+    @classmethod
     def from_colmap(
         cls,
         source: str | PathLike[str],
@@ -548,6 +706,18 @@ class Camera:
             ArgumentError: `camera` was given for a file that holds one only.
             FileError, MissingFileError: the file cannot be read.
             MissingExtraError: the format needs PyYAML or pyarrow, which are not installed.
+        """
+    def to_json(self) -> str:
+        """The camera as JSON text, each float to the last bit; `from_json` gives an equal camera."""
+    def save(self, path: str | PathLike[str]) -> None:
+        """Writes the camera as a JSON file, whole or not at all; `load` and `from_json` give an equal camera.
+
+        Args:
+            path: the file; an existing one is replaced.
+
+        Raises:
+            FileError: the file cannot be written.
+            ArgumentTypeError: no path.
         """
     @property
     def intrinsics(self) -> NDArray[np.float64]:

@@ -5,67 +5,10 @@
 
 from __future__ import annotations
 
-import json
-from dataclasses import dataclass, field
-from pathlib import Path
-from typing import Any
+from calibration_datasets import DATASETS
+from calibration_sample import Sample, as_json
 
-import golden
-
-
-@dataclass(frozen=True)
-class Sample:
-    """Files of one calibration."""
-
-    format: str
-    """Its name in ipm_rs.calibration.FORMATS."""
-    files: dict[str, bytes]
-    """Relative path to content."""
-    source: str = ""
-    """What is passed to the reader, relative; empty for the only file, "." for the directory."""
-    options: dict[str, Any] = field(default_factory=dict)
-    """Keywords that Camera.load() needs: image_size, camera."""
-
-    def write(self, directory: Path) -> Path:
-        """Write the files below a directory; returns what to read."""
-        for name, data in self.files.items():
-            path = directory / name
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_bytes(data)
-        return directory / (self.source or next(iter(self.files)))
-
-
-def _json(content: Any) -> bytes:
-    return json.dumps(content, indent=2).encode()
-
-
-SAMPLES: dict[str, Sample] = {
-    "cityscapes": Sample("cityscapes", {"aachen_000000_000019_camera.json": _json(golden.CALIBRATION)}),
-    "cityscapes flat": Sample(
-        "cityscapes",
-        {"camera.json": _json({**golden.CALIBRATION["extrinsic"], **golden.CALIBRATION["intrinsic"]})},
-    ),
-    "cityscapes 3d": Sample(
-        "cityscapes",
-        {
-            "aachen_000000_000019_gtBbox3d.json": _json(
-                {
-                    "imgWidth": 2048,
-                    "imgHeight": 1024,
-                    "sensor": {
-                        "sensor_T_ISO_8855": golden.SENSOR_T_ISO_8855.tolist(),
-                        "fx": 2262.52,
-                        "fy": 2265.3017905988554,
-                        "u0": 1096.98,
-                        "v0": 513.137,
-                        "baseline": 0.209313,
-                    },
-                    "objects": [],
-                }
-            )
-        },
-    ),
-}
+SAMPLES: dict[str, Sample] = {**DATASETS}
 
 # ---------------------------------------------------------------------------------------------------------------------
 # Calibration tools
@@ -292,7 +235,7 @@ SAMPLES |= {
     "opencv": Sample("opencv", {"out_camera_data.yml": OPENCV_YAML}),
     "opencv stereo": Sample("opencv", {"stereo.xml": OPENCV_STEREO_XML}, options={"camera": "right"}),
     "kalibr": Sample("kalibr", {"camchain-imucam.yaml": KALIBR_CHAIN}, options={"camera": "cam1"}),
-    "woodscape": Sample("woodscape", {"00001_FV.json": _json(WOODSCAPE)}),
-    "matlab": Sample("matlab", {"sensor.json": _json(MATLAB)}),
+    "woodscape": Sample("woodscape", {"00001_FV.json": as_json(WOODSCAPE)}),
+    "matlab": Sample("matlab", {"sensor.json": as_json(MATLAB)}),
     "colmap": Sample("colmap", {"cameras.txt": COLMAP_CAMERAS}, options={"camera": 2}),
 }

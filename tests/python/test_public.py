@@ -33,7 +33,7 @@ FUNCTIONS = (
 )
 MEMBERS = {
     "Camera": (
-        "from_euler load intrinsics lens image_size camera_from_vehicle vehicle_from_camera position "
+        "from_euler load save to_json intrinsics lens image_size camera_from_vehicle vehicle_from_camera position "
         "project unproject ground_from_pixels resized cropped with_pose"
     ),
     "BrownConrady": "coefficients max_angle",

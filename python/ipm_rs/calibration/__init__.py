@@ -35,7 +35,23 @@ from ipm_rs.errors import ArgumentError, CalibrationError, FileError, MissingExt
 
 __all__ = ["FORMATS", "load", "reader", "recognise"]
 
-FORMATS: tuple[str, ...] = ("cityscapes", "woodscape", "matlab", "kalibr", "ros", "opencv", "colmap")
+FORMATS: tuple[str, ...] = (
+    "json",
+    "cityscapes",
+    "kitti_raw",
+    "kitti_360",
+    "kitti",
+    "argoverse2",
+    "nuscenes",
+    "waymo",
+    "carla",
+    "woodscape",
+    "matlab",
+    "kalibr",
+    "ros",
+    "opencv",
+    "colmap",
+)
 """Names of the formats, in the order in which they are tried; each is a module here and a ``Camera.from_<name>``."""
 
 _log = logging.getLogger("ipm_rs.calibration")

@@ -223,8 +223,8 @@ def rigid(R: Matrix, t: Matrix | Sequence[float]) -> Matrix:
 
 
 def inverse(T: Matrix) -> Matrix:
-    """(4, 4) inverse of a rigid transform as printed: its rotation is not quite orthonormal, and this undoes it exactly."""
-    undone: Matrix = np.linalg.inv(T)
+    """(4, 4) inverse of a rigid transform as printed: not quite orthonormal, which this undoes exactly."""
+    undone = np.asarray(np.linalg.inv(T), dtype=np.float64)
     undone[3] = (0.0, 0.0, 0.0, 1.0)
     return undone
 
@@ -286,6 +286,15 @@ class Section:
             raise CalibrationError(
                 f"{self.where()}: expected the keys {', '.join(keys)}, missing {'; '.join(missing)}; add them, "
                 "or fetch the file again"
+            )
+
+    def only(self, *keys: str) -> None:
+        """Check that there are no other keys."""
+        other = [key for key in self.content if key not in keys]
+        if other:
+            raise CalibrationError(
+                f"{self.where()}: expected the keys {', '.join(keys)} only, got {listed(map(str, other))} too; remove "
+                "what does not belong"
             )
 
     def hint(self, key: str) -> str:

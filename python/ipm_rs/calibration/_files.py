@@ -12,7 +12,17 @@ from typing import Any
 from ipm_rs.calibration._checks import Section, describe
 from ipm_rs.errors import ArgumentTypeError, CalibrationError, FileError, MissingFileError
 
-__all__ = ["MAX_BYTES", "Document", "Source", "keys_missing", "needs_size", "open_document", "read_json", "same_size"]
+__all__ = [
+    "MAX_BYTES",
+    "Document",
+    "Source",
+    "keys_missing",
+    "needs_size",
+    "open_document",
+    "parse_json",
+    "read_json",
+    "same_size",
+]
 
 Source = str | os.PathLike[str] | Mapping[str, Any]
 """What most readers take: a path, or the content of the file."""
@@ -85,17 +95,21 @@ class Document:
     @cached_property
     def json(self) -> Any:
         """Content as JSON; a key that is repeated in one object is refused."""
-        text = self.text
-        try:
-            return json.loads(text, object_pairs_hook=_object)
-        except CalibrationError as error:
-            raise CalibrationError(f"{self.origin}: {error}") from None
-        except (ValueError, RecursionError) as error:
-            size = f"{len(self.data)} byte" + ("" if len(self.data) == 1 else "s")
-            raise CalibrationError(
-                f"{self.origin}: expected JSON, got {size} that are not: {str(error)[:200]}; the file may be cut "
-                "short, fetch it again"
-            ) from error
+        return parse_json(self.text, self.origin)
+
+
+def parse_json(text: str, origin: str) -> Any:
+    """Content of JSON text; a key that is repeated in one object is refused."""
+    try:
+        return json.loads(text, object_pairs_hook=_object)
+    except CalibrationError as error:
+        raise CalibrationError(f"{origin}: {error}") from None
+    except (ValueError, RecursionError) as error:
+        size = len(text.encode(errors="replace"))
+        raise CalibrationError(
+            f"{origin}: expected JSON, got {size} byte{'' if size == 1 else 's'} that are not: {str(error)[:200]}; "
+            "the file may be cut short, fetch it again"
+        ) from error
 
 
 def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:

@@ -65,7 +65,7 @@ def _lines(document: Document) -> list[str]:
     lines = document.text.splitlines()
     if len(lines) > MAX_LINES:
         raise CalibrationError(
-            f"{document.origin}: expected at most {MAX_LINES} lines, got {len(lines)}; pass the calibration, not the data"
+            f"{document.origin}: expected at most {MAX_LINES} lines, got {len(lines)}; pass the calibration alone"
         )
     return lines
 

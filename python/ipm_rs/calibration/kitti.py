@@ -117,7 +117,7 @@ def projection(place: Section, key: str) -> tuple[Matrix, Matrix]:
             f"{place.where(key)}: expected K [I | t] with K = [[fx, skew, cx], [0, fy, cy], [0, 0, 1]] and fx, fy > 0, "
             f"got rows {' / '.join(' '.join(f'{x:g}' for x in row) for row in K)}; check the order of the numbers"
         )
-    offset: Matrix = np.linalg.solve(K, P[:, 3])
+    offset = np.asarray(np.linalg.solve(K, P[:, 3]), dtype=np.float64)
     return K, offset
 
 

@@ -113,7 +113,7 @@ def _lens(place: Section) -> BrownConrady | None:
     if len(values) == 6 and values[5] != 0:
         raise CalibrationError(
             f"{place.where('camera_distortion')}[5]: expected five coefficients k1 k2 p1 p2 k3, got a sixth, "
-            f"{values[5]:g}; its fisheye model is not documented, so build Camera(K, ..., lens=) with the model that you know it is"
+            f"{values[5]:g}; its fisheye model is not documented, build Camera(K, ..., lens=) with the right model"
         )
     with blame(place.where("camera_distortion")):
         return BrownConrady(values[:5])

@@ -72,6 +72,8 @@ def missing(document: Document) -> str | None:
     spelled = names.replace("cameramatrix", "camera_?matrix").replace("intrinsicmatrix", "intrinsic_?matrix")
     if not ("opencv-matrix" in text or text.startswith(("%YAML", "<?xml", "<opencv_storage"))):
         return "no opencv-matrix"
+    if "mirror_parameters" in text:
+        return "mirror_parameters, so KITTI-360's"
     found = re.search(rf'(?:^\s*|[<"])(?:{spelled})["\s]*[:> t]', text, re.MULTILINE | re.IGNORECASE)
     return None if found else "no camera_matrix"
 
