@@ -274,6 +274,86 @@ pub enum Error {
         /// Values that came.
         got: usize,
     },
+    /// An image with another number of channels than its coding of depth has.
+    #[error("image: expected {expected} channels for this coding of depth, got {got}")]
+    DepthChannels {
+        /// Channels expected.
+        expected: usize,
+        /// Channels that came.
+        got: usize,
+    },
+    /// Depth that no code can say.
+    #[error("depth: expected numbers from 0, got {got} at row {row}, column {column}; replace what has no depth first")]
+    NegativeDepth {
+        /// The number that came.
+        got: f64,
+        /// Its row.
+        row: usize,
+        /// Its column.
+        column: usize,
+    },
+    /// A limit or a scale of depth that means nothing.
+    #[error("{what}: expected {expected}, got {got}")]
+    DepthLimit {
+        /// The parameter's name.
+        what: &'static str,
+        /// What it may be.
+        expected: &'static str,
+        /// What came.
+        got: f64,
+    },
+    /// A depth image, or a mask of one, of another size than the camera's.
+    #[error("{what} is {}x{} but {of} {}x{}; {mend}", got.0, got.1, expected.0, expected.1)]
+    DepthSize {
+        /// The parameter's name.
+        what: &'static str,
+        /// Whose size is expected: "the camera's image is".
+        of: &'static str,
+        /// (width, height) expected.
+        expected: (usize, usize),
+        /// (width, height) that came.
+        got: (usize, usize),
+        /// What the caller can do.
+        mend: &'static str,
+    },
+    /// A buffer that does not hold the points it claims.
+    #[error(
+        "points: {count} rows of {columns} numbers with stride {stride} do not fit a buffer of {length} numbers; at least 3 columns are x, y, z"
+    )]
+    PointsBuffer {
+        /// Points.
+        count: usize,
+        /// Numbers of a point.
+        columns: usize,
+        /// Numbers from one point to the next.
+        stride: isize,
+        /// Numbers in the buffer.
+        length: usize,
+    },
+    /// An output for another number of points.
+    #[error("{what}: expected {expected} entries, got {got}")]
+    PointsLength {
+        /// The output's name.
+        what: &'static str,
+        /// Entries expected.
+        expected: usize,
+        /// Entries that came.
+        got: usize,
+    },
+    /// More points than can be told apart.
+    #[error("points: expected at most {limit}, got {got}; draw them in parts")]
+    TooManyPoints {
+        /// Points that came.
+        got: usize,
+        /// The limit.
+        limit: usize,
+    },
+    /// A matrix that projects onto a line or a point.
+    #[error("K: expected an invertible 3x3 matrix of finite numbers, got {got:?}")]
+    Singular {
+        /// The matrix, row by row.
+        got: [[f64; 3]; 3],
+    },
     /// A thread count below one.
     #[error("threads: expected at least 1, got {got}")]
     Threads {

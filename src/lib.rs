@@ -20,6 +20,7 @@
 //! the centre of the top-left pixel. Transforms are named `dst_from_src`, angles are in radians.
 
 mod camera;
+pub mod cloud;
 mod cpu;
 mod error;
 pub mod geometry;

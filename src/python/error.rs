@@ -26,6 +26,7 @@ impl From<Error> for PyErr {
             | Error::Intrinsics { .. }
             | Error::LensCoefficients { .. }
             | Error::LensParameter { .. }
+            | Error::Singular { .. }
             | Error::NotRigid { .. }
             | Error::LastRow { .. } => classes::CalibrationError::new_err(message),
             Error::GridRange { .. }
@@ -41,6 +42,9 @@ impl From<Error> for PyErr {
             | Error::SizeMismatch { .. }
             | Error::ImageCount { .. }
             | Error::MixedChannels { .. }
+            | Error::DepthChannels { .. }
+            | Error::NegativeDepth { .. }
+            | Error::DepthSize { .. }
             | Error::OutputShape { .. } => classes::ImageError::new_err(message),
             Error::Ground { .. }
             | Error::Plane { .. }
@@ -48,6 +52,10 @@ impl From<Error> for PyErr {
             | Error::ImageSize { .. }
             | Error::Crop { .. }
             | Error::BorderChannels { .. }
+            | Error::DepthLimit { .. }
+            | Error::PointsBuffer { .. }
+            | Error::PointsLength { .. }
+            | Error::TooManyPoints { .. }
             | Error::Threads { .. }
             | Error::Isa { .. } => classes::ArgumentError::new_err(message),
             Error::OutOfMemory { .. } => classes::OutOfMemoryError::new_err(message),

@@ -1,0 +1,279 @@
+//! Depth images to points.
+
+use std::ops::Range;
+
+use nalgebra::Matrix3;
+
+use super::kernels::{self, PinholeRays, PointsRow, Rotate, Unit};
+use super::{DepthSample, PointSample};
+use crate::camera::Camera;
+use crate::cpu::Isa;
+use crate::error::{Error, Result};
+use crate::geometry::Pose;
+use crate::image::{ImageView, ImageViewMut};
+use crate::parallel;
+
+/// What a depth image measures.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+pub enum DepthKind {
+    /// z of the camera frame, as depth cameras and simulators give it.
+    #[default]
+    Planar,
+    /// The distance from the optical centre, along the ray.
+    Ray,
+}
+
+/// How a depth image is read.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct DepthOptions {
+    /// What it measures.
+    pub kind: DepthKind,
+    /// Metres per unit.
+    pub scale: f64,
+    /// What is nearer is cut; metres, as the image measures.
+    pub min_depth: f64,
+    /// What is farther is cut; likewise. What is infinite is cut always.
+    pub max_depth: f64,
+    /// Every so many-th row and column, from the first.
+    pub stride: usize,
+    /// At most how many threads; `None` is [`num_threads`](crate::num_threads).
+    pub threads: Option<usize>,
+}
+
+impl Default for DepthOptions {
+    fn default() -> Self {
+        let (scale, min_depth, max_depth) = (1.0, 0.0, f64::INFINITY);
+        Self { kind: DepthKind::default(), scale, min_depth, max_depth, stride: 1, threads: None }
+    }
+}
+
+impl DepthOptions {
+    fn check(&self) -> Result<()> {
+        let refuse = |what, expected, got| Err(Error::DepthLimit { what, expected, got });
+        if !(self.scale > 0.0 && self.scale.is_finite()) {
+            return refuse("depth_scale", "a positive number of metres per unit", self.scale);
+        }
+        if !(self.min_depth >= 0.0 && self.min_depth.is_finite()) {
+            return refuse("min_depth", "metres from 0", self.min_depth);
+        }
+        if self.max_depth.is_nan() || self.max_depth <= self.min_depth {
+            return refuse("max_depth", "metres above min_depth", self.max_depth);
+        }
+        if self.stride == 0 {
+            return refuse("stride", "at least 1", 0.0);
+        }
+        Ok(())
+    }
+}
+
+/// (width, height) of the points of a depth image of that size.
+pub fn points_size((width, height): (usize, usize), stride: usize) -> (usize, usize) {
+    (width.div_ceil(stride.max(1)), height.div_ceil(stride.max(1)))
+}
+
+/// Back-projects a depth image of one channel: `out` has a point of three numbers for each pixel, or each `stride`-th of
+/// each `stride`-th row, in the frame that `frame_from_camera` leads to from the optical one. A point is NaN where its
+/// depth is not positive, not finite or outside the limits, where the mask is 0, and where the lens sees nothing.
+///
+/// # Errors
+/// [`Error::DepthLimit`], [`Error::DepthSize`], [`Error::DepthChannels`], [`Error::OutputShape`], [`Error::Threads`],
+/// [`Error::Isa`] and [`Error::OutOfMemory`], before anything is written.
+pub fn points_from_depth_into<T: DepthSample, O: PointSample>(
+    depth: &ImageView<'_, T>,
+    camera: &Camera,
+    frame_from_camera: &Pose,
+    mask: Option<&ImageView<'_, u8>>,
+    options: &DepthOptions,
+    out: &mut ImageViewMut<'_, O>,
+) -> Result<()> {
+    let job = Job::new(depth, camera, frame_from_camera, mask, options)?;
+    let (width, height) = job.size;
+    if out.shape() != (height, width, 3) {
+        return Err(Error::OutputShape { expected: (height, width, 3), got: out.shape() });
+    }
+    let band = parallel::rows_per_band(height, width, job.threads);
+    parallel::for_each(job.threads, out.bands(band), |(first, rows)| {
+        let mut row = job.row();
+        for (y, out) in (first..).zip(rows) {
+            job.points(y, &mut row, out);
+        }
+    });
+    Ok(())
+}
+
+/// The points of a depth image that are some, without the pixels that have none.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct DepthCloud<O> {
+    /// Row by row of the image, from left to right.
+    pub points: Vec<[O; 3]>,
+    /// `y * width + x` of the pixel of each point.
+    pub index: Vec<i64>,
+}
+
+/// Back-projects the pixels of a depth image that [`points_from_depth_into`] has a point for.
+///
+/// # Errors
+/// Those of [`points_from_depth_into`].
+pub fn cloud_from_depth<T: DepthSample, O: PointSample>(
+    depth: &ImageView<'_, T>,
+    camera: &Camera,
+    frame_from_camera: &Pose,
+    mask: Option<&ImageView<'_, u8>>,
+    options: &DepthOptions,
+) -> Result<DepthCloud<O>> {
+    let job = Job::new(depth, camera, frame_from_camera, mask, options)?;
+    let (width, height) = job.size;
+    let band = parallel::rows_per_band(height, width, job.threads);
+    let mut bands: Vec<(Range<usize>, Result<DepthCloud<O>>)> = (0..height.div_ceil(band))
+        .map(|index| (index * band..height.min((index + 1) * band), Ok(DepthCloud { points: vec![], index: vec![] })))
+        .collect();
+    parallel::for_each(job.threads, bands.iter_mut(), |(rows, result)| {
+        *result = job.cloud(rows.clone());
+    });
+    let mut clouds = bands.into_iter().map(|(_, cloud)| cloud).collect::<Result<Vec<_>>>()?;
+    if clouds.len() == 1 {
+        return Ok(clouds.remove(0));
+    }
+    let count = clouds.iter().map(|cloud| cloud.points.len()).sum();
+    let mut whole = DepthCloud { points: super::reserved("points", count)?, index: super::reserved("index", count)? };
+    for cloud in clouds {
+        whole.points.extend_from_slice(&cloud.points);
+        whole.index.extend_from_slice(&cloud.index);
+    }
+    Ok(whole)
+}
+
+/// A depth image with all that turns it into points, checked.
+struct Job<'a, T> {
+    depth: &'a ImageView<'a, T>,
+    camera: &'a Camera,
+    mask: Option<&'a ImageView<'a, u8>>,
+    options: &'a DepthOptions,
+    limits: (f64, f64),
+    /// None for the optical frame.
+    rotation: Option<[[f64; 3]; 3]>,
+    origin: [f64; 3],
+    isa: Isa,
+    threads: usize,
+    /// (width, height) of the points.
+    size: (usize, usize),
+}
+
+/// What a row is worked out in.
+struct Row<T> {
+    rays: [Vec<f64>; 3],
+    /// Every `stride`-th number of the depth image's row, where that is not every one.
+    depth: Vec<T>,
+}
+
+impl<'a, T: DepthSample> Job<'a, T> {
+    fn new(
+        depth: &'a ImageView<'a, T>,
+        camera: &'a Camera,
+        frame_from_camera: &Pose,
+        mask: Option<&'a ImageView<'a, u8>>,
+        options: &'a DepthOptions,
+    ) -> Result<Self> {
+        options.check()?;
+        for channels in [Some(depth.channels()), mask.map(ImageView::channels)].into_iter().flatten() {
+            if channels != 1 {
+                return Err(Error::DepthChannels { expected: 1, got: channels });
+            }
+        }
+        let got = (depth.width(), depth.height());
+        let expected = (camera.image_size().0 as usize, camera.image_size().1 as usize);
+        if got != expected {
+            let mend = "use camera.resized() or camera.cropped()";
+            return Err(Error::DepthSize { what: "depth", of: "the camera's image is", expected, got, mend });
+        }
+        if let Some(mask) = mask
+            && (mask.width(), mask.height()) != got
+        {
+            let (expected, got) = (got, (mask.width(), mask.height()));
+            let mend = "give it one entry for each pixel";
+            return Err(Error::DepthSize { what: "mask", of: "depth is", expected, got, mend });
+        }
+        let rotation = frame_from_camera.rotation();
+        Ok(Self {
+            depth,
+            camera,
+            mask,
+            options,
+            limits: (options.min_depth, options.max_depth.min(f64::MAX)),
+            rotation: (rotation != &Matrix3::identity()).then(|| super::rows(rotation)),
+            origin: (*frame_from_camera.translation()).into(),
+            isa: Isa::active()?,
+            threads: super::threads_for(options.threads, depth.width() * depth.height() * 16)?,
+            size: points_size(got, options.stride),
+        })
+    }
+
+    fn row(&self) -> Row<T> {
+        let width = self.size.0;
+        Row { rays: std::array::from_fn(|_| vec![0.0; width]), depth: Vec::with_capacity(width) }
+    }
+
+    /// Fills `out` with the points of row y of the result.
+    fn points<O: PointSample>(&self, y: usize, row: &mut Row<T>, out: &mut [O]) {
+        let stride = self.options.stride;
+        self.rays(y * stride, &mut row.rays);
+        let start = self.depth.row_start(y * stride);
+        let samples = &self.depth.data()[start..start + self.depth.width()];
+        let samples = if stride == 1 {
+            samples
+        } else {
+            row.depth.clear();
+            row.depth.extend(samples.iter().step_by(stride));
+            &row.depth
+        };
+        let [xs, ys, zs] = &row.rays;
+        let (scale, limits, origin) = (self.options.scale, self.limits, self.origin);
+        kernels::run(self.isa, PointsRow { depth: samples, scale, limits, rays: [xs, ys, zs], origin, out });
+        let Some(mask) = self.mask else { return };
+        let start = mask.row_start(y * stride);
+        let mask = mask.data()[start..start + mask.width()].iter().step_by(stride);
+        for (point, &keep) in out.chunks_exact_mut(3).zip(mask) {
+            if keep == 0 {
+                point.fill(O::from_f64(f64::NAN));
+            }
+        }
+    }
+
+    /// The rays of the pixels of image row y in the result's frame: of length 1, or with z = 1 in the camera frame.
+    fn rays(&self, y: usize, rays: &mut [Vec<f64>; 3]) {
+        let (columns, row) = ((0.0, self.options.stride as f64), y as f64);
+        let intrinsics = super::intrinsics(self.camera);
+        kernels::run(self.isa, PinholeRays { columns, row, intrinsics, rays: slices(rays) });
+        if self.options.kind == DepthKind::Ray {
+            kernels::run(self.isa, Unit(slices(rays)));
+        }
+        if let Some(rotation) = self.rotation {
+            kernels::run(self.isa, Rotate { rays: slices(rays), rotation });
+        }
+    }
+
+    /// The points of some rows of the result.
+    fn cloud<O: PointSample>(&self, rows: Range<usize>) -> Result<DepthCloud<O>> {
+        let (width, stride) = (self.size.0, self.options.stride);
+        let count = rows.len() * width;
+        let mut cloud =
+            DepthCloud { points: super::reserved("points", count)?, index: super::reserved("index", count)? };
+        let mut row = self.row();
+        let mut points = super::filled("points", 3 * width, O::default())?;
+        for y in rows {
+            self.points(y, &mut row, &mut points);
+            let first = (y * stride * self.depth.width()) as i64;
+            for (x, &point) in points.as_chunks::<3>().0.iter().enumerate() {
+                if !point[0].to_f64().is_nan() {
+                    cloud.points.push(point);
+                    cloud.index.push(first + (x * stride) as i64);
+                }
+            }
+        }
+        Ok(cloud)
+    }
+}
+
+fn slices([xs, ys, zs]: &mut [Vec<f64>; 3]) -> [&mut [f64]; 3] {
+    [xs, ys, zs]
+}

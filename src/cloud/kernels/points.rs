@@ -1,0 +1,117 @@
+//! Rays and depth to points.
+
+use super::Body;
+use crate::cloud::{DepthSample, PointSample};
+
+/// Three coordinates of the rays of a row, each an array of its own.
+pub(in crate::cloud) type Rays<'a> = [&'a mut [f64]; 3];
+
+/// Rays of length one instead of z = 1.
+pub(in crate::cloud) struct Unit<'a>(pub(in crate::cloud) Rays<'a>);
+
+impl Body for Unit<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let [xs, ys, zs] = self.0;
+        let count = xs.len();
+        let (ys, zs) = (&mut ys[..count], &mut zs[..count]);
+        for i in 0..count {
+            let (x, y, z) = (xs[i], ys[i], zs[i]);
+            let length = (x * x + y * y + z * z).sqrt();
+            xs[i] = x / length;
+            ys[i] = y / length;
+            zs[i] = z / length;
+        }
+    }
+}
+
+/// Rays turned by a rotation, given row by row.
+pub(in crate::cloud) struct Rotate<'a> {
+    pub(in crate::cloud) rays: Rays<'a>,
+    pub(in crate::cloud) rotation: [[f64; 3]; 3],
+}
+
+impl Body for Rotate<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let [xs, ys, zs] = self.rays;
+        let count = xs.len();
+        let (ys, zs) = (&mut ys[..count], &mut zs[..count]);
+        let [a, b, c] = self.rotation;
+        for i in 0..count {
+            let (x, y, z) = (xs[i], ys[i], zs[i]);
+            xs[i] = a[0] * x + a[1] * y + a[2] * z;
+            ys[i] = b[0] * x + b[1] * y + b[2] * z;
+            zs[i] = c[0] * x + c[1] * y + c[2] * z;
+        }
+    }
+}
+
+/// Points of one row: `ray * depth + origin`, NaN where the depth is not positive, finite and within the limits.
+pub(in crate::cloud) struct PointsRow<'a, T, O> {
+    pub(in crate::cloud) depth: &'a [T],
+    /// Metres per unit of depth.
+    pub(in crate::cloud) scale: f64,
+    /// Nearest and farthest depth that is kept, both finite.
+    pub(in crate::cloud) limits: (f64, f64),
+    pub(in crate::cloud) rays: [&'a [f64]; 3],
+    pub(in crate::cloud) origin: [f64; 3],
+    /// x, y, z of each point.
+    pub(in crate::cloud) out: &'a mut [O],
+}
+
+impl<T: DepthSample, O: PointSample> Body for PointsRow<'_, T, O> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Self { depth, scale, limits: (nearest, farthest), rays: [xs, ys, zs], origin, out } = self;
+        let out = out.as_chunks_mut::<3>().0;
+        let count = depth.len();
+        let (xs, ys, zs, out) = (&xs[..count], &ys[..count], &zs[..count], &mut out[..count]);
+        for i in 0..count {
+            let metres = depth[i].to_f64() * scale;
+            let kept = (metres > 0.0) & (metres >= nearest) & (metres <= farthest);
+            let metres = if kept { metres } else { f64::NAN };
+            out[i] = [
+                O::from_f64(xs[i] * metres + origin[0]),
+                O::from_f64(ys[i] * metres + origin[1]),
+                O::from_f64(zs[i] * metres + origin[2]),
+            ];
+        }
+    }
+}
+
+/// The rays of a row of pixels through a pinhole, with z = 1; the arithmetic of `Pinhole::ray`, operation for operation.
+pub(in crate::cloud) struct PinholeRays<'a> {
+    /// Column of the first pixel and columns from one to the next.
+    pub(in crate::cloud) columns: (f64, f64),
+    pub(in crate::cloud) row: f64,
+    /// fx, fy, cx, cy, skew.
+    pub(in crate::cloud) intrinsics: [f64; 5],
+    pub(in crate::cloud) rays: Rays<'a>,
+}
+
+impl Body for PinholeRays<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let [fx, fy, cx, cy, skew] = self.intrinsics;
+        let (first, step) = self.columns;
+        let [xs, ys, zs] = self.rays;
+        let y = (self.row - cy) / fy;
+        let sheared = skew * y;
+        for (i, x) in xs.iter_mut().enumerate() {
+            // below 2^31: an image has fewer than 2^32 pixels in both directions together
+            let u = first + step * f64::from(i as i32);
+            *x = (u - cx - sheared) / fx;
+        }
+        ys.fill(y);
+        zs.fill(1.0);
+    }
+}

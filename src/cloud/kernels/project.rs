@@ -1,0 +1,50 @@
+//! Points to pixels through a pinhole.
+
+use super::Body;
+use crate::cloud::PointSample;
+
+/// Pixels, depth and validity of points of the vehicle frame; the arithmetic of `Camera::project`, operation for
+/// operation.
+pub(in crate::cloud) struct ProjectPinhole<'a, T> {
+    /// Rows of at least three numbers.
+    pub(in crate::cloud) points: &'a [T],
+    /// Numbers from one point to the next.
+    pub(in crate::cloud) stride: usize,
+    /// Row by row.
+    pub(in crate::cloud) rotation: [[f64; 3]; 3],
+    pub(in crate::cloud) translation: [f64; 3],
+    /// fx, fy, cx, cy, skew.
+    pub(in crate::cloud) intrinsics: [f64; 5],
+    /// The last column and the last row.
+    pub(in crate::cloud) last: (f64, f64),
+    pub(in crate::cloud) uv: &'a mut [[f64; 2]],
+    pub(in crate::cloud) depth: &'a mut [f64],
+    pub(in crate::cloud) valid: &'a mut [bool],
+}
+
+impl<T: PointSample> Body for ProjectPinhole<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Self { points, stride, rotation: [a, b, c], translation: t, .. } = self;
+        let [fx, fy, cx, cy, skew] = self.intrinsics;
+        let (last_u, last_v) = self.last;
+        let count = self.uv.len();
+        let (uv, depth, valid) = (&mut self.uv[..count], &mut self.depth[..count], &mut self.valid[..count]);
+        for i in 0..count {
+            let point = &points[i * stride..i * stride + 3];
+            let (x, y, z) = (point[0].to_f64(), point[1].to_f64(), point[2].to_f64());
+            let right = a[0] * x + a[1] * y + a[2] * z + t[0];
+            let down = b[0] * x + b[1] * y + b[2] * z + t[1];
+            let ahead = c[0] * x + c[1] * y + c[2] * z + t[2];
+            let (x, y) = (right / ahead, down / ahead);
+            let (u, v) = (fx * x + skew * y + cx, fy * y + cy);
+            let finite = (u.abs() < f64::INFINITY) & (v.abs() < f64::INFINITY);
+            let imaged = (ahead > 0.0) & (ahead < f64::INFINITY) & finite;
+            uv[i] = [if imaged { u } else { f64::NAN }, if imaged { v } else { f64::NAN }];
+            depth[i] = ahead;
+            valid[i] = imaged & (u >= 0.0) & (v >= 0.0) & (u <= last_u) & (v <= last_v);
+        }
+    }
+}

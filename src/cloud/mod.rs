@@ -1,0 +1,59 @@
+//! Depth images to points, and points to pixels.
+
+mod back_project;
+mod carla;
+mod compat;
+mod kernels;
+mod points;
+mod project;
+mod render;
+mod sample;
+
+pub use back_project::{DepthCloud, DepthKind, DepthOptions, cloud_from_depth};
+pub use back_project::{points_from_depth_into, points_size};
+pub use carla::{ChannelOrder, DepthUnit, decode_carla_depth_into, encode_carla_depth_into};
+pub use compat::{LidarPoints, carla_084_points, depth_to_lidar};
+pub use points::PointsView;
+pub use project::{Projections, project_into};
+pub use sample::{DepthSample, PointSample};
+pub use render::{NO_POINT, RenderOptions, render_points_into};
+
+use nalgebra::Matrix3;
+
+use crate::camera::Camera;
+use crate::error::{Error, Result};
+use crate::parallel;
+
+/// How many threads to use for work that moves so many bytes: below a quarter of a megabyte, 20 us or so, the caller's.
+fn threads_for(requested: Option<usize>, bytes: usize) -> Result<usize> {
+    const INLINE_BYTES: usize = 1 << 18;
+    let threads = requested.unwrap_or_else(parallel::num_threads);
+    parallel::check_threads(threads)?;
+    Ok(if bytes < INLINE_BYTES { 1 } else { threads })
+}
+
+/// A number of elements whose buffer can be had, or an error.
+fn reserved<T>(what: &'static str, count: usize) -> Result<Vec<T>> {
+    let mut buffer = Vec::new();
+    let refuse = |_| Error::OutOfMemory { what, bytes: count.saturating_mul(size_of::<T>()) };
+    buffer.try_reserve_exact(count).map_err(refuse)?;
+    Ok(buffer)
+}
+
+/// A buffer of so many equal elements.
+fn filled<T: Clone>(what: &'static str, count: usize, value: T) -> Result<Vec<T>> {
+    let mut buffer = reserved(what, count)?;
+    buffer.resize(count, value);
+    Ok(buffer)
+}
+
+/// fx, fy, cx, cy, skew.
+fn intrinsics(camera: &Camera) -> [f64; 5] {
+    let k = camera.intrinsics();
+    [k[(0, 0)], k[(1, 1)], k[(0, 2)], k[(1, 2)], k[(0, 1)]]
+}
+
+/// A matrix, row by row.
+fn rows(matrix: &Matrix3<f64>) -> [[f64; 3]; 3] {
+    std::array::from_fn(|row| std::array::from_fn(|column| matrix[(row, column)]))
+}

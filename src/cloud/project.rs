@@ -1,0 +1,148 @@
+//! Points to pixels, many at once.
+
+use nalgebra::Vector3;
+
+use super::kernels::{self, ProjectPinhole};
+use super::{PointSample, PointsView};
+use crate::camera::{Camera, Projection};
+use crate::cpu::Isa;
+use crate::error::{Error, Result};
+use crate::parallel;
+
+/// Where points fall on an image, an entry for each.
+#[derive(Debug)]
+pub struct Projections<'a> {
+    /// (u, v) in pixels; NaN where the point has no image.
+    pub uv: &'a mut [[f64; 2]],
+    /// z in the camera frame, metres.
+    pub depth: &'a mut [f64],
+    /// In front of the camera and inside the rectangle of pixel centres.
+    pub valid: &'a mut [bool],
+}
+
+/// Points of one job: enough to be worth handing out.
+const CHUNK: usize = 1 << 13;
+
+/// Projects points of the vehicle frame, in float64: what [`Camera::project`] gives for each of them, to the last bit.
+///
+/// # Errors
+/// [`Error::PointsLength`], [`Error::Threads`] and [`Error::Isa`], before anything is written.
+pub fn project_into<T: PointSample>(
+    camera: &Camera,
+    points: &PointsView<'_, T>,
+    out: Projections<'_>,
+    threads: Option<usize>,
+) -> Result<()> {
+    let expected = points.len();
+    for (what, got) in [("uv", out.uv.len()), ("depth", out.depth.len()), ("valid", out.valid.len())] {
+        if got != expected {
+            return Err(Error::PointsLength { what, expected, got });
+        }
+    }
+    let (isa, threads) = (Isa::active()?, super::threads_for(threads, expected.saturating_mul(32))?);
+    let outs = out.uv.chunks_mut(CHUNK).zip(out.depth.chunks_mut(CHUNK)).zip(out.valid.chunks_mut(CHUNK));
+    parallel::for_each(threads, outs.enumerate(), |(chunk, ((uv, depth), valid))| {
+        project_chunk(isa, camera, points, chunk * CHUNK, Projections { uv, depth, valid });
+    });
+    Ok(())
+}
+
+/// Projects the points from `first` on, as many as `out` takes.
+pub(super) fn project_chunk<T: PointSample>(
+    isa: Isa,
+    camera: &Camera,
+    points: &PointsView<'_, T>,
+    first: usize,
+    out: Projections<'_>,
+) {
+    let Projections { uv, depth, valid } = out;
+    let Some((points, stride)) = points.forward(first, uv.len()) else {
+        for (i, pixel) in uv.iter_mut().enumerate() {
+            let row = points.row(first + i);
+            let point = Vector3::new(row[0].to_f64(), row[1].to_f64(), row[2].to_f64());
+            Projection { pixel: *pixel, depth: depth[i], valid: valid[i] } = camera.project(&point);
+        }
+        return;
+    };
+    let pose = camera.camera_from_vehicle();
+    let (width, height) = camera.image_size();
+    let body = ProjectPinhole {
+        points,
+        stride,
+        rotation: super::rows(pose.rotation()),
+        translation: (*pose.translation()).into(),
+        intrinsics: super::intrinsics(camera),
+        last: (f64::from(width - 1), f64::from(height - 1)),
+        uv,
+        depth,
+        valid,
+    };
+    kernels::run(isa, body);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::Pinhole;
+
+    fn camera() -> Camera {
+        let model = Pinhole::new(800.3, 700.7, 320.5, 239.5, 3.25).unwrap();
+        Camera::from_euler(model, (640, 480), [1.5, -0.25, 1.25], 0.01, 0.07, -0.3).unwrap()
+    }
+
+    /// Points all around, and the awkward ones.
+    fn cloud() -> Vec<f64> {
+        let mut state = 7u64;
+        let mut random = || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            ((state >> 11) as f64 / (1u64 << 53) as f64 - 0.5) * 100.0
+        };
+        let mut points: Vec<f64> = (0..4 * 20_011).map(|_| random()).collect();
+        let awkward = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, f64::MAX, f64::MIN_POSITIVE, 0.0, -0.0, 1e308];
+        for (i, &number) in awkward.iter().enumerate() {
+            for column in 0..3 {
+                points[4 * (17 * i + column) + column] = number;
+            }
+        }
+        points[4 * 500..4 * 500 + 3].copy_from_slice(camera().position().as_slice());
+        points
+    }
+
+    #[test]
+    fn every_instruction_set_equals_one_point_at_a_time() {
+        let (camera, data) = (camera(), cloud());
+        let bits = |pixel: [f64; 2], depth: f64, valid| {
+            let bits = |number: f64| if number.is_nan() { u64::MAX } else { number.to_bits() };
+            (pixel.map(bits), bits(depth), valid)
+        };
+        let backwards = PointsView::with_stride(&data, 20_011, 4, data.len() - 4, -4).unwrap();
+        for points in [PointsView::new(&data, 4).unwrap(), backwards] {
+            let expected: Vec<_> = (0..points.len())
+                .map(|i| {
+                    let row = points.row(i);
+                    let one = camera.project(&Vector3::new(row[0], row[1], row[2]));
+                    bits(one.pixel, one.depth, one.valid)
+                })
+                .collect();
+            assert!(expected.iter().any(|one| one.2) && expected.iter().any(|one| !one.2));
+            for &isa in Isa::available() {
+                for (first, count) in [(0, points.len()), (3, 0), (5, 1), (11, 1023)] {
+                    let (mut uv, mut depth, mut valid) = (vec![[0.0; 2]; count], vec![0.0; count], vec![false; count]);
+                    let out = Projections { uv: &mut uv, depth: &mut depth, valid: &mut valid };
+                    project_chunk(isa, &camera, &points, first, out);
+                    let got: Vec<_> = (0..count).map(|i| bits(uv[i], depth[i], valid[i])).collect();
+                    assert!(got == expected[first..first + count], "{isa:?} {first} {count}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn refuses_outputs_of_other_lengths() {
+        let points = PointsView::new(&[1.0f32; 9], 3).unwrap();
+        let (mut uv, mut depth, mut valid) = ([[0.0; 2]; 3], [0.0; 2], [false; 3]);
+        let out = Projections { uv: &mut uv, depth: &mut depth, valid: &mut valid };
+        let got = project_into(&camera(), &points, out, None);
+        assert_eq!(got, Err(Error::PointsLength { what: "depth", expected: 3, got: 2 }));
+    }
+}

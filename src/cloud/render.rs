@@ -1,0 +1,184 @@
+//! Points to an image of the nearest of them: a z-buffer.
+
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use super::project::project_chunk;
+use super::{DepthKind, PointSample, PointsView, Projections};
+use crate::camera::Camera;
+use crate::cpu::Isa;
+use crate::error::{Error, Result};
+use crate::image::ImageViewMut;
+use crate::parallel;
+
+/// In an index image, a pixel that no point falls on.
+pub const NO_POINT: i64 = -1;
+
+/// A pixel that no point falls on: farther than every point.
+const EMPTY: u64 = u64::MAX;
+
+/// Points of one job.
+const CHUNK: usize = 1 << 10;
+
+/// How points are drawn.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RenderOptions {
+    /// What nearest means, and what the depth image measures.
+    pub kind: DepthKind,
+    /// A point covers the pixels whose centres lie within so many pixels of its own: 0 is that one, 1 a plus of five,
+    /// 1.5 three by three.
+    pub radius: f64,
+    /// What is nearer is left out, metres.
+    pub min_depth: f64,
+    /// What is farther is left out.
+    pub max_depth: f64,
+    /// At most how many threads; `None` is [`num_threads`](crate::num_threads).
+    pub threads: Option<usize>,
+}
+
+impl Default for RenderOptions {
+    fn default() -> Self {
+        Self { kind: DepthKind::default(), radius: 0.0, min_depth: 0.0, max_depth: f64::INFINITY, threads: None }
+    }
+}
+
+/// Draws points of the vehicle frame as the camera sees them: each pixel takes the nearest of those that fall on it. Of
+/// points whose depths are equal in float32 the first in `points` wins. Nothing depends on the number of threads.
+///
+/// `depth` gets the nearest depth, NaN where there is none, and `index` the number of that point or [`NO_POINT`]; each is
+/// an image of one channel of the camera's size. A point falls on the pixel that its own rounds to, halves to even.
+///
+/// # Errors
+/// [`Error::DepthLimit`], [`Error::OutputShape`], [`Error::TooManyPoints`], [`Error::Threads`], [`Error::Isa`] and
+/// [`Error::OutOfMemory`], before anything is written.
+pub fn render_points_into<T: PointSample>(
+    camera: &Camera,
+    points: &PointsView<'_, T>,
+    options: &RenderOptions,
+    depth: &mut ImageViewMut<'_, f32>,
+    index: &mut ImageViewMut<'_, i64>,
+) -> Result<()> {
+    let (width, height) = (camera.image_size().0 as usize, camera.image_size().1 as usize);
+    for got in [depth.shape(), index.shape()] {
+        if got != (height, width, 1) {
+            return Err(Error::OutputShape { expected: (height, width, 1), got });
+        }
+    }
+    let splat = Splat::new(options, width.max(height))?;
+    if points.len() > u32::MAX as usize {
+        return Err(Error::TooManyPoints { got: points.len(), limit: u32::MAX as usize });
+    }
+    let isa = Isa::active()?;
+    let threads = super::threads_for(options.threads, points.len().saturating_mul(64) + width * height)?;
+    let mut nearest: Vec<AtomicU64> = super::reserved("depth", width * height)?;
+    nearest.resize_with(width * height, || AtomicU64::new(EMPTY));
+    let canvas = Canvas { nearest: &nearest, width, height, alone: threads == 1 };
+    let chunks = (0..points.len()).step_by(CHUNK);
+    parallel::for_each(threads, chunks, |first| {
+        let count = CHUNK.min(points.len() - first);
+        let (mut uv, mut z, mut valid) = ([[0.0; 2]; CHUNK], [0.0; CHUNK], [false; CHUNK]);
+        let out = Projections { uv: &mut uv[..count], depth: &mut z[..count], valid: &mut valid[..count] };
+        project_chunk(isa, camera, points, first, out);
+        for i in 0..count {
+            let distance = match options.kind {
+                DepthKind::Planar => z[i],
+                DepthKind::Ray => {
+                    let row = points.row(first + i);
+                    let [x, y, z] = [0, 1, 2].map(|axis| row[axis].to_f64() - camera.position()[axis]);
+                    (x * x + y * y + z * z).sqrt()
+                }
+            };
+            canvas.draw(uv[i], distance, first + i, &splat);
+        }
+    });
+    let band = parallel::rows_per_band(height, width, threads);
+    let bands = depth.bands(band).zip(index.bands(band));
+    parallel::for_each(threads, bands, |((first, depths), (_, indices))| {
+        for (y, (depths, indices)) in (first..).zip(depths.zip(indices)) {
+            let keys = &nearest[y * width..(y + 1) * width];
+            for (key, (depth, index)) in keys.iter().zip(depths.iter_mut().zip(indices)) {
+                match key.load(Ordering::Relaxed) {
+                    EMPTY => (*depth, *index) = (f32::NAN, NO_POINT),
+                    key => (*depth, *index) = (f32::from_bits((key >> 32) as u32), i64::from(key as u32)),
+                }
+            }
+        }
+    });
+    Ok(())
+}
+
+/// Which pixels around its own a point covers.
+struct Splat {
+    /// For rows 0, 1, ... above and below: how many columns to either side.
+    reach: Vec<i64>,
+    limits: (f64, f64),
+}
+
+impl Splat {
+    fn new(options: &RenderOptions, largest: usize) -> Result<Self> {
+        let refuse = |what, expected, got| Err(Error::DepthLimit { what, expected, got });
+        let &RenderOptions { radius, min_depth, max_depth, .. } = options;
+        if !(radius >= 0.0 && radius <= largest as f64) {
+            return refuse("radius", "pixels from 0, at most those of the image's longer side", radius);
+        }
+        if !(min_depth >= 0.0 && min_depth.is_finite()) {
+            return refuse("min_depth", "metres from 0", min_depth);
+        }
+        if max_depth.is_nan() || max_depth <= min_depth {
+            return refuse("max_depth", "metres above min_depth", max_depth);
+        }
+        let half = |row: i64| (radius * radius - (row * row) as f64).max(0.0).sqrt().floor() as i64;
+        Ok(Self { reach: (0..=radius.floor() as i64).map(half).collect(), limits: (min_depth, max_depth) })
+    }
+}
+
+/// For each pixel the nearest point so far: its depth's bits, which for positive floats sort as the numbers do, above
+/// its number.
+struct Canvas<'a> {
+    nearest: &'a [AtomicU64],
+    width: usize,
+    height: usize,
+    /// Whether nobody else draws.
+    alone: bool,
+}
+
+impl Canvas<'_> {
+    fn draw(&self, [u, v]: [f64; 2], distance: f64, number: usize, splat: &Splat) {
+        let (least, most) = splat.limits;
+        let near = distance as f32;
+        // what has no image is NaN, and fails here too
+        let reach = splat.reach.len() as f64;
+        let (w, h) = (self.width as f64, self.height as f64);
+        let close = u > -reach && v > -reach && u < w + reach && v < h + reach;
+        if !(close && near > 0.0 && near < f32::INFINITY && distance >= least && distance <= most) {
+            return;
+        }
+        let (u, v) = (u.round_ties_even() as i64, v.round_ties_even() as i64);
+        let key = u64::from(near.to_bits()) << 32 | number as u64;
+        if let [_] = splat.reach[..] {
+            if (0..self.width as i64).contains(&u) && (0..self.height as i64).contains(&v) {
+                self.put(v as usize * self.width + u as usize, key);
+            }
+            return;
+        }
+        let rows = splat.reach.len() as i64 - 1;
+        for y in (v - rows).max(0)..=(v + rows).min(self.height as i64 - 1) {
+            let reach = splat.reach[(y - v).unsigned_abs() as usize];
+            for x in (u - reach).max(0)..=(u + reach).min(self.width as i64 - 1) {
+                self.put(y as usize * self.width + x as usize, key);
+            }
+        }
+    }
+
+    #[inline]
+    fn put(&self, pixel: usize, key: u64) {
+        let nearest = &self.nearest[pixel];
+        if key >= nearest.load(Ordering::Relaxed) {
+            return;
+        }
+        if self.alone {
+            nearest.store(key, Ordering::Relaxed);
+        } else {
+            nearest.fetch_min(key, Ordering::Relaxed);
+        }
+    }
+}
