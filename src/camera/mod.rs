@@ -134,7 +134,7 @@ impl Camera {
     }
 
     /// A direction in the camera frame that a pixel looks along.
-    fn ray(&self, pixel: [f64; 2]) -> Option<Vector3<f64>> {
+    pub(crate) fn ray(&self, pixel: [f64; 2]) -> Option<Vector3<f64>> {
         let ray = self.model.ray(pixel);
         match &self.lens {
             None => (ray.x.is_finite() && ray.y.is_finite()).then_some(ray),

@@ -241,14 +241,31 @@ impl<'a, T: DepthSample> Job<'a, T> {
 
     /// The rays of the pixels of image row y in the result's frame: of length 1, or with z = 1 in the camera frame.
     fn rays(&self, y: usize, rays: &mut [Vec<f64>; 3]) {
-        let (columns, row) = ((0.0, self.options.stride as f64), y as f64);
-        let intrinsics = super::intrinsics(self.camera);
-        kernels::run(self.isa, PinholeRays { columns, row, intrinsics, rays: slices(rays) });
+        if self.camera.lens().is_some() {
+            self.lens_rays(y, rays);
+        } else {
+            let (columns, row) = ((0.0, self.options.stride as f64), y as f64);
+            let intrinsics = super::intrinsics(self.camera);
+            kernels::run(self.isa, PinholeRays { columns, row, intrinsics, rays: slices(rays) });
+        }
         if self.options.kind == DepthKind::Ray {
             kernels::run(self.isa, Unit(slices(rays)));
         }
         if let Some(rotation) = self.rotation {
             kernels::run(self.isa, Rotate { rays: slices(rays), rotation });
+        }
+    }
+
+    /// The rays of the pixels of image row y behind a lens, in the camera frame: any length for depth along the ray,
+    /// z = 1 for planar depth, which what lies 90 degrees or more off the axis has none of. NaN where there is none.
+    fn lens_rays(&self, y: usize, [xs, ys, zs]: &mut [Vec<f64>; 3]) {
+        for (i, x) in (0..self.depth.width()).step_by(self.options.stride).enumerate() {
+            let ray = self.camera.ray([x as f64, y as f64]);
+            let ray = match self.options.kind {
+                DepthKind::Ray => ray,
+                DepthKind::Planar => ray.filter(|ray| ray.z > 0.0).map(|ray| ray / ray.z),
+            };
+            [xs[i], ys[i], zs[i]] = ray.map_or([f64::NAN; 3], Into::into);
         }
     }
 
@@ -264,7 +281,7 @@ impl<'a, T: DepthSample> Job<'a, T> {
             self.points(y, &mut row, &mut points);
             let first = (y * stride * self.depth.width()) as i64;
             for (x, &point) in points.as_chunks::<3>().0.iter().enumerate() {
-                if !point[0].to_f64().is_nan() {
+                if !point[2].to_f64().is_nan() {
                     cloud.points.push(point);
                     cloud.index.push(first + (x * stride) as i64);
                 }

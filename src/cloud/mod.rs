@@ -15,8 +15,8 @@ pub use carla::{ChannelOrder, DepthUnit, decode_carla_depth_into, encode_carla_d
 pub use compat::{LidarPoints, carla_084_points, depth_to_lidar};
 pub use points::PointsView;
 pub use project::{Projections, project_into};
+pub use render::{NO_POINT, RenderOptions, paint_into, render_points_into};
 pub use sample::{DepthSample, PointSample};
-pub use render::{NO_POINT, RenderOptions, render_points_into};
 
 use nalgebra::Matrix3;
 
@@ -33,7 +33,7 @@ fn threads_for(requested: Option<usize>, bytes: usize) -> Result<usize> {
 }
 
 /// A number of elements whose buffer can be had, or an error.
-fn reserved<T>(what: &'static str, count: usize) -> Result<Vec<T>> {
+pub(crate) fn reserved<T>(what: &'static str, count: usize) -> Result<Vec<T>> {
     let mut buffer = Vec::new();
     let refuse = |_| Error::OutOfMemory { what, bytes: count.saturating_mul(size_of::<T>()) };
     buffer.try_reserve_exact(count).map_err(refuse)?;

@@ -56,7 +56,9 @@ pub(super) fn project_chunk<T: PointSample>(
     out: Projections<'_>,
 ) {
     let Projections { uv, depth, valid } = out;
-    let Some((points, stride)) = points.forward(first, uv.len()) else {
+    let forward = points.forward(first, uv.len()).filter(|_| camera.lens().is_none());
+    // a lens goes point by point, as does what runs backwards
+    let Some((points, stride)) = forward else {
         for (i, pixel) in uv.iter_mut().enumerate() {
             let row = points.row(first + i);
             let point = Vector3::new(row[0].to_f64(), row[1].to_f64(), row[2].to_f64());

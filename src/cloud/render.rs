@@ -7,7 +7,7 @@ use super::{DepthKind, PointSample, PointsView, Projections};
 use crate::camera::Camera;
 use crate::cpu::Isa;
 use crate::error::{Error, Result};
-use crate::image::ImageViewMut;
+use crate::image::{ImageView, ImageViewMut, Sample};
 use crate::parallel;
 
 /// In an index image, a pixel that no point falls on.
@@ -181,4 +181,41 @@ impl Canvas<'_> {
             nearest.fetch_min(key, Ordering::Relaxed);
         }
     }
+}
+
+/// Colours the image of an index: pixel by pixel the row of `values` (an image one pixel wide) that it names, and the
+/// border value, one number for each channel, where it names none.
+///
+/// # Errors
+/// [`Error::OutputShape`], [`Error::BorderChannels`] and [`Error::Threads`], before anything is written.
+pub fn paint_into<T: Sample>(
+    index: &ImageView<'_, i64>,
+    values: Option<&ImageView<'_, T>>,
+    border_value: &[T],
+    out: &mut ImageViewMut<'_, T>,
+    threads: Option<usize>,
+) -> Result<()> {
+    let channels = values.map_or(border_value.len(), ImageView::channels);
+    if border_value.len() != channels {
+        return Err(Error::BorderChannels { expected: channels, got: border_value.len() });
+    }
+    let expected = (index.height(), index.width(), channels);
+    if out.shape() != expected {
+        return Err(Error::OutputShape { expected, got: out.shape() });
+    }
+    let threads = super::threads_for(threads, index.width() * index.height() * (8 + channels * size_of::<T>()))?;
+    let band = parallel::rows_per_band(index.height(), index.width(), threads);
+    let count = values.map_or(0, ImageView::height);
+    parallel::for_each(threads, out.bands(band), |(first, rows)| {
+        for (y, row) in (first..).zip(rows) {
+            for (x, pixel) in row.chunks_exact_mut(channels).enumerate() {
+                let number = usize::try_from(index.pixel(x, y)[0]).ok().filter(|&number| number < count);
+                match (values, number) {
+                    (Some(values), Some(number)) => pixel.copy_from_slice(values.pixel(0, number)),
+                    _ => pixel.copy_from_slice(border_value),
+                }
+            }
+        }
+    });
+    Ok(())
 }

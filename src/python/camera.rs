@@ -2,17 +2,19 @@
 
 use std::hash::{Hash, Hasher};
 
-use nalgebra::Vector3;
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple, PyType};
 
+use super::cloud;
 use super::convert::{
     Floats, Reduced, float, floats, matrix_to_numpy, matrix3, matrix4, rebuilt_by_new, rows_to_numpy, size, whole,
 };
 use super::error::classes::{ArgumentError, CalibrationError};
 use super::ground::road;
 use super::lens::{hash_lens, lens as lens_model, lens_to_python};
+use super::options::thread_count;
+use super::points::PointsArray;
 use crate::geometry::Pose;
 use crate::{Camera, Pinhole, Projection};
 
@@ -127,29 +129,30 @@ impl PyCamera {
     }
 
     /// Points of the vehicle frame to pixels, depth and validity.
-    #[pyo3(signature = (points, *, ground = None))]
-    #[expect(clippy::type_complexity, reason = "(uv, depth, valid)")]
+    #[pyo3(signature = (points, *, ground = None, threads = None))]
     fn project<'py>(
         &self,
         points: &Bound<'py, PyAny>,
         ground: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<bool>>)> {
+        threads: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<cloud::Projected<'py>> {
         let py = points.py();
-        let floats = Floats::new("points", "an (N, 3) array, or (N, 2) on the ground,", points)?;
-        let on_ground = matches!(floats.shape(), [_, 2]);
+        let threads = threads.map(|threads| thread_count("threads", threads)).transpose()?;
+        let points = PointsArray::new("points", points, 2..=3, "an (N, 3), or (N, 2) on the ground,")?;
+        let on_ground = points.columns() == 2;
         if ground.is_some() && !on_ground {
             return Err(ArgumentError::new_err(
                 "ground: expected only with (N, 2) points, got points that have their own height; drop one of the two",
             ));
         }
+        if !on_ground {
+            return cloud::project(py, &self.camera, &points, threads);
+        }
         let ground = road(ground)?;
-        let projections: Vec<Projection> = if on_ground {
-            let rows = floats.rows::<2>("points")?;
-            py.detach(|| rows.iter().map(|&row| self.camera.project_ground(row, &ground)).collect())
-        } else {
-            let rows = floats.rows::<3>("points")?;
-            py.detach(|| rows.iter().map(|&row| self.camera.project(&Vector3::from(row))).collect())
-        };
+        let floats = Floats::new("points", "an (N, 2) array", points.array())?;
+        let rows = floats.rows::<2>("points")?;
+        let projections: Vec<Projection> =
+            py.detach(|| rows.iter().map(|&row| self.camera.project_ground(row, &ground)).collect());
         let uv = rows_to_numpy(py, projections.iter().map(|projection| projection.pixel).collect())?;
         let depth = PyArray1::from_iter(py, projections.iter().map(|projection| projection.depth));
         let valid = PyArray1::from_iter(py, projections.iter().map(|projection| projection.valid));

@@ -97,44 +97,65 @@ impl<'py> ImageArray<'py> {
 
     /// A new array for the result of warping this image, not initialised.
     pub(super) fn new_output(&self, rows: usize, columns: usize) -> PyResult<Self> {
-        let py = self.array.py();
-        let (mut shape, dims) = self.output_shape(rows, columns);
+        let (shape, dims) = self.output_shape(rows, columns);
+        Self::allocate(&shape[..dims], self.dtype.clone(), self.layout)
+    }
+
+    /// A new array, not initialised.
+    pub(super) fn allocate(shape: &[usize], dtype: Bound<'py, PyArrayDescr>, layout: Layout) -> PyResult<Self> {
+        let py = dtype.py();
+        let mut shape = shape.to_vec();
         let dims_of = shape.as_mut_ptr().cast::<npy_intp>();
-        // SAFETY: `dims` lengths, a dtype of which NumPy takes over one reference, and a new reference or null comes
-        // back. An array of that dtype is what `numpy.empty` makes, without the cost of asking for it by name.
+        // SAFETY: `shape` has as many lengths as it says, the dtype is one of which NumPy takes over a reference, and a
+        // new reference or null comes back. An array of that dtype is what `numpy.empty` makes, without the cost of
+        // asking for it by name.
         let array = unsafe {
-            let dtype = self.dtype.clone().into_dtype_ptr();
-            Bound::from_owned_ptr_or_err(py, PY_ARRAY_API.PyArray_Empty(py, dims as _, dims_of, dtype, 0))?
+            let dtype = dtype.into_dtype_ptr();
+            Bound::from_owned_ptr_or_err(py, PY_ARRAY_API.PyArray_Empty(py, shape.len() as _, dims_of, dtype, 0))?
         };
-        Self::of("out", array.cast_into()?, self.layout)
+        Self::of("out", array.cast_into()?, layout)
     }
 
     /// Checks that `object` can take the result of warping this image.
     pub(super) fn check_output(&self, object: &Bound<'py, PyAny>, rows: usize, columns: usize) -> PyResult<Self> {
-        let array = shared::array("out", object, true)?;
         let (shape, dims) = self.output_shape(rows, columns);
-        let expected = &shape[..dims];
+        let dtype = (&self.dtype, "that of the image", "image.dtype");
+        Self::output(object, &shape[..dims], dtype, self.layout, &[("image", self)])
+    }
+
+    /// Checks that `object` can take a result of that shape and dtype (with why, and how to write it), whose memory
+    /// none of the inputs spans.
+    pub(super) fn output(
+        object: &Bound<'py, PyAny>,
+        expected: &[usize],
+        (dtype, whose, name): (&Bound<'py, PyArrayDescr>, &str, &str),
+        layout: Layout,
+        inputs: &[(&str, &Self)],
+    ) -> PyResult<Self> {
+        let array = shared::array("out", object, true)?;
         if array.shape() != expected {
             let (expected, got) = (tuple_text(expected), tuple_text(array.shape()));
             return Err(ImageError::new_err(format!("out: expected shape {expected}, got {got}")));
         }
-        let out = Self::of("out", array, self.layout)?;
-        if !out.dtype.is_equiv_to(&self.dtype) {
-            let message = format!("out: expected dtype {}, that of the image, got {}", self.dtype, out.dtype);
+        let out = Self::of("out", array, layout)?;
+        if !out.dtype.is_equiv_to(dtype) {
+            let message = format!("out: expected dtype {dtype}, {whose}, got {}", out.dtype);
             return Err(DtypeError::new_err(message));
         }
         if out.rows_overlap() {
             return Err(ImageError::new_err(format!(
-                "out: expected rows that do not overlap, got strides {:?}; use numpy.empty({}, image.dtype)",
+                "out: expected rows that do not overlap, got strides {:?}; use numpy.empty({}, {name})",
                 out.array.strides(),
                 tuple_text(expected)
             )));
         }
-        let (read, written) = (self.span(), out.span());
-        if read.start < written.end && written.start < read.end {
-            return Err(ImageError::new_err(
-                "out: expected memory of its own, got memory that image spans too; pass out=None or another array",
-            ));
+        let written = out.span();
+        for (input, read) in inputs.iter().map(|(input, array)| (input, array.span())) {
+            if read.start < written.end && written.start < read.end {
+                return Err(ImageError::new_err(format!(
+                    "out: expected memory of its own, got memory that {input} spans too; pass out=None or another array"
+                )));
+            }
         }
         Ok(out)
     }

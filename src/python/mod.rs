@@ -17,6 +17,7 @@
 
 mod camera;
 mod camera_readers;
+mod cloud;
 mod convert;
 mod direct;
 mod error;
@@ -29,6 +30,7 @@ mod lens;
 mod lut;
 mod maps;
 mod options;
+mod points;
 mod shared;
 
 use pyo3::prelude::*;
@@ -39,6 +41,11 @@ use pyo3::types::PyDict;
 mod core_module {
     #[pymodule_export]
     use super::camera::PyCamera;
+    #[pymodule_export]
+    use super::cloud::{
+        decode_carla_depth, depth_to_lidar, depth_to_local_point_cloud, encode_carla_depth, points_from_depth,
+        render_points,
+    };
     #[pymodule_export]
     use super::direct::{remap, warp_perspective};
     #[pymodule_export]

@@ -1,0 +1,104 @@
+//! Colour-coded depth.
+
+use numpy::{PyArrayDescrMethods, dtype};
+use pyo3::prelude::*;
+
+use super::options::{channel_order, depth_image, wrong_dtype};
+use crate::cloud::{DepthUnit, PointSample, decode_carla_depth_into, encode_carla_depth_into};
+use crate::python::convert::{flag, tuple_text};
+use crate::python::error::classes::ImageError;
+use crate::python::image::ImageArray;
+use crate::python::layout::Layout;
+use crate::python::options::thread_count;
+
+fn unit(normalized: Option<&Bound<'_, PyAny>>) -> PyResult<DepthUnit> {
+    Ok(match normalized.map_or(Ok(false), |object| flag("normalized", object))? {
+        true => DepthUnit::Normalized,
+        false => DepthUnit::Metres,
+    })
+}
+
+/// CARLA's 24-bit depth to float32.
+#[pyfunction]
+#[pyo3(
+    signature = (image, *, order = None, normalized = None, out = None, threads = None),
+    text_signature = "(image, *, order=None, normalized=False, out=None, threads=None)"
+)]
+pub(in crate::python) fn decode_carla_depth<'py>(
+    image: &Bound<'py, PyAny>,
+    order: Option<&Bound<'py, PyAny>>,
+    normalized: Option<&Bound<'py, PyAny>>,
+    out: Option<&Bound<'py, PyAny>>,
+    threads: Option<&Bound<'py, PyAny>>,
+) -> PyResult<Bound<'py, PyAny>> {
+    let py = image.py();
+    let image = ImageArray::new("image", image, Layout::Hwc)?;
+    if !(image.dtype().kind() == b'u' && image.dtype().itemsize() == 1) {
+        return Err(wrong_dtype("image", "uint8", image.dtype(), "the code is three bytes, so read the file as 8-bit"));
+    }
+    let &[rows, columns, channels @ (3 | 4)] = image.shape() else {
+        let got = tuple_text(image.shape());
+        let message = format!("image: expected shape (H, W, 4) or (H, W, 3) of colour-coded depth, got {got}");
+        return Err(ImageError::new_err(message));
+    };
+    let (order, unit) = (channel_order(order, Some(channels))?, unit(normalized)?);
+    let threads = threads.map(|threads| thread_count("threads", threads)).transpose()?;
+    let (shape, float32) = ([rows, columns], dtype::<f32>(py));
+    let read = image.read()?;
+    let views = read.views::<u8>()?;
+    let given = out.filter(|out| !out.is_none());
+    let out = match given {
+        Some(out) => {
+            let dtype = (&float32, "which depth is decoded to", "numpy.float32");
+            ImageArray::output(out, &shape, dtype, Layout::Hwc, &[("image", &image)])?
+        }
+        None => ImageArray::allocate(&shape, float32, Layout::Hwc)?,
+    };
+    let mut write = out.write()?;
+    let mut outs = write.views::<f32>();
+    py.detach(|| decode_carla_depth_into(&views[0], order, unit, &mut outs[0], threads))?;
+    drop(outs);
+    drop(write);
+    Ok(given.cloned().unwrap_or_else(|| out.into_array().into_any()))
+}
+
+/// Depth to CARLA's 24 bits.
+#[pyfunction]
+#[pyo3(
+    signature = (depth, *, order = None, normalized = None, threads = None),
+    text_signature = "(depth, *, order='bgra', normalized=False, threads=None)"
+)]
+pub(in crate::python) fn encode_carla_depth<'py>(
+    depth: &Bound<'py, PyAny>,
+    order: Option<&Bound<'py, PyAny>>,
+    normalized: Option<&Bound<'py, PyAny>>,
+    threads: Option<&Bound<'py, PyAny>>,
+) -> PyResult<Bound<'py, PyAny>> {
+    let image = depth_image("depth", depth)?;
+    match (image.dtype().kind(), image.dtype().itemsize()) {
+        (b'f', 4) => encode::<f32>(&image, order, normalized, threads),
+        (b'f', 8) => encode::<f64>(&image, order, normalized, threads),
+        _ => Err(wrong_dtype("depth", "float32 or float64", image.dtype(), "use depth * metres_per_unit")),
+    }
+}
+
+fn encode<'py, T: PointSample>(
+    depth: &ImageArray<'py>,
+    order: Option<&Bound<'py, PyAny>>,
+    normalized: Option<&Bound<'py, PyAny>>,
+    threads: Option<&Bound<'py, PyAny>>,
+) -> PyResult<Bound<'py, PyAny>> {
+    let py = depth.dtype().py();
+    let (order, unit) = (channel_order(order, None)?, unit(normalized)?);
+    let threads = threads.map(|threads| thread_count("threads", threads)).transpose()?;
+    let read = depth.read()?;
+    let views = read.views::<T>()?;
+    let shape = [depth.shape()[0], depth.shape()[1], order.channels()];
+    let out = ImageArray::allocate(&shape, dtype::<u8>(py), Layout::Hwc)?;
+    let mut write = out.write()?;
+    let mut outs = write.views::<u8>();
+    py.detach(|| encode_carla_depth_into(&views[0], order, unit, &mut outs[0], threads))?;
+    drop(outs);
+    drop(write);
+    Ok(out.into_array().into_any())
+}

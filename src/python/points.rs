@@ -1,0 +1,130 @@
+//! Points as arrays: rows of coordinates, their memory borrowed without a copy.
+
+use numpy::{
+    PyArrayDescrMethods, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArray, PyUntypedArrayMethods,
+};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+use super::convert::{tuple_text, type_name};
+use super::error::classes::{ArgumentError, ArgumentTypeError};
+use crate::cloud::{PointSample, PointsView};
+
+/// An (N, k) array of float32 or float64 whose rows lie anywhere and whose columns are adjacent.
+pub(super) struct PointsArray<'py> {
+    array: Bound<'py, PyUntypedArray>,
+}
+
+impl<'py> PointsArray<'py> {
+    /// Takes float32 and float64 as they are, with any row stride; converts everything else that is real numbers to
+    /// float64. `columns` are how many there may be, `expected` is how that is written.
+    pub(super) fn new(
+        name: &str,
+        object: &Bound<'py, PyAny>,
+        columns: std::ops::RangeInclusive<usize>,
+        expected: &str,
+    ) -> PyResult<Self> {
+        let py = object.py();
+        let numpy = py.import("numpy")?;
+        let refuse = |got: String| {
+            ArgumentTypeError::new_err(format!("{name}: expected {expected} array of real numbers, got {got}"))
+        };
+        let array = match object.cast::<PyUntypedArray>() {
+            Ok(array) => array.clone(),
+            Err(_) => numpy
+                .call_method1("asarray", (object,))
+                .map_err(|_| refuse(format!("a ragged {}", type_name(object))))?
+                .cast_into::<PyUntypedArray>()
+                .map_err(|_| refuse(type_name(object)))?,
+        };
+        let dtype = array.dtype();
+        if !matches!(dtype.kind(), b'b' | b'i' | b'u' | b'f') {
+            return Err(refuse(format!("{} of dtype {dtype}", type_name(object))));
+        }
+        let shape = array.shape();
+        if shape.len() != 2 || !columns.contains(&shape[1]) {
+            return Err(ArgumentError::new_err(format!(
+                "{name}: expected shape {expected}, got {}{}",
+                tuple_text(shape),
+                if shape.len() == 1 { format!("; a single one is {name}[None]") } else { String::new() }
+            )));
+        }
+        let size = dtype.itemsize() as isize;
+        let as_it_is = dtype.kind() == b'f'
+            && matches!(size, 4 | 8)
+            && dtype.is_native_byteorder() != Some(false)
+            && array.is_aligned()
+            && (shape[1] == 1 || array.strides()[1] == size)
+            && array.strides()[0] % size == 0;
+        if as_it_is {
+            return Ok(Self { array });
+        }
+        let options = PyDict::new(py);
+        options.set_item("dtype", if dtype.kind() == b'f' && size == 4 { "float32" } else { "float64" })?;
+        options.set_item("order", "C")?;
+        let array = numpy.call_method("array", (array,), Some(&options))?;
+        Ok(Self { array: array.cast_into()? })
+    }
+
+    pub(super) fn py(&self) -> Python<'py> {
+        self.array.py()
+    }
+
+    /// How many points.
+    pub(super) fn len(&self) -> usize {
+        self.array.shape()[0]
+    }
+
+    /// Numbers of each.
+    pub(super) fn columns(&self) -> usize {
+        self.array.shape()[1]
+    }
+
+    /// The array itself.
+    pub(super) fn array(&self) -> &Bound<'py, PyAny> {
+        self.array.as_any()
+    }
+
+    /// Whether they are float32, not float64.
+    pub(super) fn is_f32(&self) -> bool {
+        self.array.dtype().itemsize() == 4
+    }
+
+    /// Borrows the array for reading.
+    pub(super) fn read(&self) -> PyResult<ReadingPoints<'_, 'py>> {
+        // SAFETY: `PyArrayDyn<T>` is a transparent NumPy array whatever T is, and no element is read as T.
+        let bytes: &Bound<'py, PyArrayDyn<u8>> = unsafe { self.array.cast_unchecked() };
+        let borrow = bytes.try_readonly().map_err(|_| {
+            ArgumentError::new_err("points: another call is writing to this memory; use one array a thread")
+        })?;
+        Ok(ReadingPoints { points: self, borrow })
+    }
+}
+
+/// Points whose array is borrowed for reading.
+pub(super) struct ReadingPoints<'a, 'py> {
+    points: &'a PointsArray<'py>,
+    borrow: PyReadonlyArrayDyn<'py, u8>,
+}
+
+impl ReadingPoints<'_, '_> {
+    /// The points, `T` being of the array's dtype.
+    pub(super) fn view<T: PointSample>(&self) -> crate::Result<PointsView<'_, T>> {
+        let array = &self.points.array;
+        let (count, columns) = (array.shape()[0], array.shape()[1]);
+        assert_eq!(size_of::<T>(), array.dtype().itemsize(), "chosen by the dtype");
+        if count == 0 {
+            return PointsView::with_stride(&[], 0, columns, 0, columns as isize);
+        }
+        // an axis of length 1 is never stepped along, so NumPy lets its stride be anything
+        let stride = if count == 1 { columns as isize } else { array.strides()[0] / size_of::<T>() as isize };
+        let far = stride * (count as isize - 1);
+        let first = self.borrow.data().cast::<T>().cast_const();
+        let before = far.min(0).unsigned_abs();
+        let length = far.unsigned_abs() + columns;
+        // SAFETY: the memory between the first and the last number of the array's own rows, checked to be aligned and
+        // adjacent; the borrow keeps writers that use rust-numpy away, and any bits are a number.
+        let data = unsafe { std::slice::from_raw_parts(first.wrapping_sub(before), length) };
+        PointsView::with_stride(data, count, columns, before, stride)
+    }
+}
