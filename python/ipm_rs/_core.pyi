@@ -1,10 +1,10 @@
 """The Rust core. Import its names from `ipm_rs`."""
 
 from os import PathLike
-from typing import Any, Literal, Protocol, SupportsIndex, TypeAlias, TypedDict, TypeVar, final
+from typing import Any, Literal, Protocol, SupportsIndex, TypeAlias, TypedDict, TypeVar, final, overload
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from collections.abc import Mapping, Sequence
 
@@ -23,12 +23,18 @@ __all__ = [
     "RadialPolynomial",
     "__version__",
     "cpu_info",
+    "decode_carla_depth",
+    "depth_to_lidar",
+    "depth_to_local_point_cloud",
+    "encode_carla_depth",
     "flip_handedness",
     "flip_handedness_euler",
     "flip_handedness_pose",
     "flip_handedness_rotation",
     "get_num_threads",
+    "points_from_depth",
     "remap",
+    "render_points",
     "rotation_from_euler",
     "set_num_threads",
     "warp_perspective",
@@ -738,14 +744,16 @@ class Camera:
     def position(self) -> NDArray[np.float64]:
         """The optical centre in the vehicle frame, (3,) float64, metres."""
     def project(
-        self, points: ArrayLike, *, ground: float | Plane | HeightMap | None = None
+        self, points: ArrayLike, *, ground: float | Plane | HeightMap | None = None, threads: int | None = None
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
         """Points of the vehicle frame to pixels.
 
         Args:
-            points: (N, 3) in metres, or (N, 2) on the road.
+            points: (N, 3) in metres, or (N, 2) on the road. Float32 and float64 with any row stride are not copied, so
+                `sweep[:, :3]` of an (N, 4) array costs nothing.
             ground: the road under (N, 2) points: its height, a `Plane` or a `HeightMap`, 0 if not given; refused with
                 (N, 3).
+            threads: at most how many threads for (N, 3) points; the result does not depend on it.
 
         Returns:
             uv: (N, 2) float64 pixels; NaN only where a point has no image (behind the camera, outside the lens's domain,
@@ -1244,6 +1252,276 @@ def warp_perspective(
         ImageError, DtypeError, ArgumentError, ArgumentTypeError: as `Lut.warp`.
     """
 
+def decode_carla_depth(
+    image: NDArray[np.uint8],
+    *,
+    order: Literal["bgra", "rgba", "bgr", "rgb"] | None = None,
+    normalized: bool = False,
+    out: NDArray[np.float32] | None = None,
+    threads: int | None = None,
+) -> NDArray[np.float32]:
+    """CARLA's colour-coded depth to metres: `(R + 256 G + 65536 B) / (256^3 - 1) * 1000`, planar depth (z).
+
+    Every value is the exact one, rounded once to float32. Source: CARLA's documentation of its depth camera.
+
+    Args:
+        image: (H, W, 4) or (H, W, 3) uint8, any row stride. `np.frombuffer(sensor_image.raw_data, np.uint8)`, reshaped to
+            (height, width, 4), is CARLA's own buffer.
+        order: of the channels. Four are "bgra" if nothing is said, as CARLA's buffers and OpenCV have them; three must
+            be named, "bgr" (OpenCV) or "rgb" (Pillow), because the wrong one gives other depths without complaint.
+        normalized: 0 to 1 instead of metres. It keeps every code apart; float32 metres beyond 512 m do not.
+        out: where to write, (H, W) float32.
+        threads: at most how many threads; the result does not depend on it.
+
+    Returns:
+        (H, W) float32, 0 to 1000; the sky is 1000.
+
+    Raises:
+        ImageError, DtypeError: the shape or the dtype of the image or of `out` is wrong.
+        ArgumentError, ArgumentTypeError: another argument is wrong, or three channels have no order.
+    """
+
+def encode_carla_depth(
+    depth: NDArray[np.floating[Any]],
+    *,
+    order: Literal["bgra", "rgba", "bgr", "rgb"] = "bgra",
+    normalized: bool = False,
+    threads: int | None = None,
+) -> NDArray[np.uint8]:
+    """Depth to CARLA's colour code, the nearest of its 2^24 steps of 0.06 mm; the way back of `decode_carla_depth`.
+
+    Args:
+        depth: (H, W) float32 or float64, metres from 0. What is 1000 m or farther, infinity too, becomes the largest
+            code, as the sky has it.
+        order: of the channels; alpha is 255.
+        normalized: `depth` is 0 to 1 instead.
+        threads: at most how many threads.
+
+    Returns:
+        (H, W, 4) or (H, W, 3) uint8.
+
+    Raises:
+        ImageError: a number is negative or NaN (the message says where), or the shape is not (H, W).
+        DtypeError, ArgumentError, ArgumentTypeError: another argument is wrong.
+    """
+
+@overload
+def points_from_depth(
+    depth: NDArray[Any],
+    camera: Camera | ArrayLike,
+    *,
+    max_depth: float | None = None,
+    min_depth: float | None = None,
+    frame: Literal["camera", "flu", "vehicle"] | ArrayLike = "camera",
+    kind: Literal["z", "ray"] = "z",
+    depth_scale: float | None = None,
+    stride: int = 1,
+    mask: NDArray[np.bool_] | NDArray[np.uint8] | None = None,
+    compact: Literal[False] = False,
+    values: None = None,
+    dtype: DTypeLike = "float32",
+    out: NDArray[np.floating[Any]] | None = None,
+    threads: int | None = None,
+) -> NDArray[Any]:
+    """Back-projects a depth image: a point for each pixel, in metres.
+
+    `points_from_depth(depth, camera)` does the usual: planar depth in metres to points of the optical frame. With pixel
+    (u, v) counted from the centre of the top-left pixel, `(X, Y, Z) = ((u - cx) d / fx, (v - cy) d / fy, d)`; every
+    coordinate is worked out in float64 and rounded once.
+
+    A pixel has no point, and NaN for all three, where its depth is 0, negative, NaN or infinite (no return), nearer than
+    `min_depth`, farther than `max_depth`, where `mask` is False, or where the lens sees nothing.
+
+    Args:
+        depth: (H, W) float32 or float64, or uint16 with `depth_scale`; any row stride.
+        camera: a `Camera` with any lens, its `image_size` that of `depth`; or the (3, 3) matrix K of a pinhole. A K
+            whose principal point is counted from the corner (CARLA's w / 2) loses 0.5 first.
+        max_depth: metres, as `depth` measures; what is exactly there is kept.
+        min_depth: likewise.
+        frame: "camera" (optical: x right, y down, z forward), "flu" (the same camera as x forward, y left, z up),
+            "vehicle" (with the pose of a `Camera`), or a (4, 4) pose `dst_from_camera` of a world or another sensor,
+            with `camera` the optical frame.
+        kind: what `depth` measures: "z", planar depth (CARLA, RGB-D cameras), or "ray", the distance from the optical
+            centre (range images, fisheyes beyond 180 degrees).
+        depth_scale: metres per unit; 1 for floats, and never guessed for uint16: 0.001 for millimetres, 1 / 5000 for
+            TUM, 1 / 256 for KITTI.
+        stride: every so many-th row and column, from the first.
+        mask: (H, W) bool or uint8; points only where it is not 0.
+        compact: the points that there are, (N, 3), with the pixels that they come from.
+        values: with `compact`, what to gather beside the points: an array (H, W) or (H, W, C) of any dtype (colours,
+            labels), or a tuple of them.
+        dtype: of the points, float32 or float64.
+        out: where to write, (H', W', 3) of `dtype`; not with `compact`.
+        threads: at most how many threads; the result does not depend on it.
+
+    Returns:
+        (H', W', 3), where H' is H / stride rounded up: points[i, j] belongs to depth[i * stride, j * stride].
+        With `compact`: points (N, 3); index (N,) int64, `row * W + column`, so that `image.reshape(-1, 3)[index]` are
+        their colours; and with `values` those, (N,) or (N, C), or a tuple.
+
+    Raises:
+        ImageError, DtypeError: a shape or a dtype is wrong, or a size is not the camera's.
+        CalibrationError: K is no pinhole matrix (singular, not finite), or the pose is not rigid.
+        ArgumentError, ArgumentTypeError: another argument is wrong.
+    """
+
+@overload
+def points_from_depth(
+    depth: NDArray[Any],
+    camera: Camera | ArrayLike,
+    *,
+    max_depth: float | None = None,
+    min_depth: float | None = None,
+    frame: Literal["camera", "flu", "vehicle"] | ArrayLike = "camera",
+    kind: Literal["z", "ray"] = "z",
+    depth_scale: float | None = None,
+    stride: int = 1,
+    mask: NDArray[np.bool_] | NDArray[np.uint8] | None = None,
+    compact: Literal[True],
+    values: None = None,
+    dtype: DTypeLike = "float32",
+    out: None = None,
+    threads: int | None = None,
+) -> tuple[NDArray[Any], NDArray[np.int64]]: ...
+@overload
+def points_from_depth(
+    depth: NDArray[Any],
+    camera: Camera | ArrayLike,
+    *,
+    max_depth: float | None = None,
+    min_depth: float | None = None,
+    frame: Literal["camera", "flu", "vehicle"] | ArrayLike = "camera",
+    kind: Literal["z", "ray"] = "z",
+    depth_scale: float | None = None,
+    stride: int = 1,
+    mask: NDArray[np.bool_] | NDArray[np.uint8] | None = None,
+    compact: Literal[True],
+    values: NDArray[Any],
+    dtype: DTypeLike = "float32",
+    out: None = None,
+    threads: int | None = None,
+) -> tuple[NDArray[Any], NDArray[np.int64], NDArray[Any]]: ...
+@overload
+def points_from_depth(
+    depth: NDArray[Any],
+    camera: Camera | ArrayLike,
+    *,
+    max_depth: float | None = None,
+    min_depth: float | None = None,
+    frame: Literal["camera", "flu", "vehicle"] | ArrayLike = "camera",
+    kind: Literal["z", "ray"] = "z",
+    depth_scale: float | None = None,
+    stride: int = 1,
+    mask: NDArray[np.bool_] | NDArray[np.uint8] | None = None,
+    compact: Literal[True],
+    values: Sequence[NDArray[Any]],
+    dtype: DTypeLike = "float32",
+    out: None = None,
+    threads: int | None = None,
+) -> tuple[NDArray[Any], NDArray[np.int64], tuple[NDArray[Any], ...]]: ...
+def depth_to_lidar(
+    normalized_depth: ArrayLike, w: int, h: int, K: ArrayLike, max_depth: float = 0.9
+) -> tuple[NDArray[np.float64], NDArray[Any]]:
+    """The published function of this name, value for value, except that the input is left alone.
+
+    For what was built on it. It reverses rows and columns by `w - 1 - u - cx` with K as CARLA gives it (`cx = w / 2`),
+    which is half a pixel off: everything is `0.5 z / f` too far right and down, 0.06 m at 50 m for 800 px and 90 degrees.
+    `points_from_depth(depth, camera, frame="flu")` has no such shift and no points at (0, 0, 0).
+
+    Args:
+        normalized_depth: (h, w), or flat, 0 to 1 as `decode_carla_depth(image, normalized=True)` gives it; 1 is 1000 m.
+        w, h: columns and rows.
+        K: (3, 3), any invertible matrix.
+        max_depth: farther pixels become the point (0, 0, 0); those exactly there, and NaN, stay.
+
+    Returns:
+        points: (3, h * w) float64, rows forward, left, up, pixel after pixel.
+        metres: (h, w) of the input's dtype (float64 for all but float32), 0 where it was too far.
+
+    Raises:
+        CalibrationError: K is singular.
+        ImageError, ArgumentError, ArgumentTypeError: another argument is wrong.
+    """
+
+@overload
+def depth_to_local_point_cloud(
+    normalized_depth: ArrayLike, fov: float, *, color: None = None, max_depth: float = 0.9
+) -> NDArray[np.float64]:
+    """`depth_to_local_point_cloud` of CARLA 0.8.4, value for value.
+
+    For what was built on it; it is half a pixel off as `depth_to_lidar` is. `points_from_depth` is not.
+
+    Args:
+        normalized_depth: (h, w), 0 to 1; 1 is 1000 m.
+        fov: horizontal field of view, degrees: `f = w / (2 tan(fov pi / 360))`, principal point (w / 2, h / 2).
+        color: (h, w, C) of any dtype, gathered alongside.
+        max_depth: farther pixels are left out; those exactly there, and NaN, stay.
+
+    Returns:
+        (N, 3) float64, rows left, up, forward, in the order of the pixels; with `color` also its (N, C).
+
+    Raises:
+        ImageError, DtypeError, ArgumentError, ArgumentTypeError: an argument is wrong.
+    """
+
+@overload
+def depth_to_local_point_cloud(
+    normalized_depth: ArrayLike, fov: float, *, color: NDArray[Any], max_depth: float = 0.9
+) -> tuple[NDArray[np.float64], NDArray[Any]]: ...
+@overload
+def render_points(
+    points: ArrayLike,
+    camera: Camera,
+    *,
+    values: None = None,
+    radius: float = 0,
+    kind: Literal["z", "ray"] = "z",
+    min_depth: float | None = None,
+    max_depth: float | None = None,
+    border_value: float | Sequence[float] = 0,
+    threads: int | None = None,
+) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
+    """Draws points as a camera sees them: a z-buffer, in which each pixel takes the nearest point that falls on it.
+
+    A point falls on the pixel that its own rounds to (halves to even). Of points whose depths are equal in float32 the
+    first in `points` wins, so the result does not depend on the number of threads.
+
+    Args:
+        points: (N, 3) or wider, of which the first three columns are x, y, z in the vehicle frame; float32 or float64
+            with any row stride are not copied. What is not finite is left out.
+        camera: any lens.
+        values: (N,) or (N, C) of any dtype: colours, labels, intensity; drawn as well.
+        radius: a point covers the pixels whose centres lie within so many pixels of its own: 0 that one, 1 a plus of
+            five, 1.5 three by three.
+        kind: what nearest means and `depth` measures: "z", planar depth, or "ray", the distance from the optical centre.
+            With "z" nothing is drawn that lies 90 degrees or more off the axis.
+        min_depth: metres; what is nearer is left out.
+        max_depth: likewise what is farther.
+        border_value: `values` where no point falls, one number or one for each column.
+        threads: at most how many threads.
+
+    Returns:
+        depth: (H, W) float32, metres, NaN where no point falls.
+        index: (H, W) int64, the row of `points` that is seen, -1 where there is none.
+        image: with `values`, (H, W) or (H, W, C) of their dtype.
+
+    Raises:
+        ArgumentError, ArgumentTypeError, DtypeError: an argument is wrong.
+    """
+
+@overload
+def render_points(
+    points: ArrayLike,
+    camera: Camera,
+    *,
+    values: NDArray[Any],
+    radius: float = 0,
+    kind: Literal["z", "ray"] = "z",
+    min_depth: float | None = None,
+    max_depth: float | None = None,
+    border_value: float | Sequence[float] = 0,
+    threads: int | None = None,
+) -> tuple[NDArray[np.float32], NDArray[np.int64], NDArray[Any]]: ...
 def cpu_info() -> _CpuInfo:
     """The build, the CPU and the threads: what a bug report needs.
 

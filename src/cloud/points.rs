@@ -108,7 +108,7 @@ mod tests {
     fn refuses_points_outside_the_buffer() {
         let data = [0f32; 12];
         for (count, columns, origin, stride) in
-            [(4, 3, 1, 3), (3, 2, 0, 3), (3, 3, 2, -1), (usize::MAX, 3, 0, 1), (2, 3, 0, isize::MAX), (1, 3, 10, 3)]
+            [(4, 3, 1, 3), (3, 2, 0, 3), (3, 3, 1, -1), (usize::MAX, 3, 0, 1), (2, 3, 0, isize::MAX), (1, 3, 10, 3)]
         {
             let got = PointsView::with_stride(&data, count, columns, origin, stride);
             assert!(matches!(got, Err(Error::PointsBuffer { .. })), "{count} {columns} {origin} {stride}");

@@ -58,10 +58,7 @@ impl<T: DepthSample, const BYTES: usize, const RED_FIRST: bool> Body for Encode<
             let limited = if scaled < 16_777_215.0 { scaled } else { 16_777_215.0 };
             let code = (limited + WHOLE).to_bits() as u32;
             let word = if RED_FIRST { code & 0x00ff_ffff | 0xff00_0000 } else { (code << 8 | 0xff).swap_bytes() };
-            let bytes = word.to_le_bytes();
-            for byte in 0..BYTES {
-                out[i][byte] = bytes[byte];
-            }
+            out[i].copy_from_slice(&word.to_le_bytes()[..BYTES]);
         }
         valid
     }
