@@ -58,7 +58,8 @@ def test_ros_ini(files):
     camera = ipm_rs.Camera.load(path)
     lines = path.read_text().splitlines()
     check(camera, np.array(lines[lines.index("distortion") + 1].split(), dtype=float))
-    assert np.degrees(camera.lens.max_angle) == pytest.approx(66.5, abs=0.05), "folds over there"
+    # The radius folds over at 66.5 degrees, with the tangential terms a little before.
+    assert 66.0 < np.degrees(camera.lens.max_angle) < 66.55
     rectified = ipm_rs.Camera.from_ros(path, image="rectified")
     start = lines.index("projection") + 1
     P = np.array([line.split() for line in lines[start : start + 3]], dtype=float)
