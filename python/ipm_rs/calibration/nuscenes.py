@@ -91,7 +91,9 @@ def read(
     if image_size is None and any(isinstance(token, str) and len(token) == _LYFT_TOKEN_LENGTH for token in tokens):
         needs_size(image_size, place.origin, "Lyft's images are 1224x1024 or 1920x1080: take the image's")
     with blame(place.where()):
-        return Camera(K, image_size=image_size or (1600, 900), vehicle_from_camera=rigid(R, t), lens=lens)
+        return Camera(
+            K, image_size=(1600, 900) if image_size is None else image_size, vehicle_from_camera=rigid(R, t), lens=lens
+        )
 
 
 def missing(document: Document) -> str | None:
