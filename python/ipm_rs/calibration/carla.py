@@ -152,9 +152,12 @@ def intrinsics(image_size: Sequence[int], fov: float, *, where: str = "fov") -> 
     angle = number(fov, where, unit="degrees", positive=True)
     if angle >= 180:
         raise CalibrationError(f"{where}: expected less than 180 degrees, got {angle:g}; a pinhole sees no more")
-    width, height = (
-        whole(float(value), "image_size", minimum=1) for value in numbers(list(image_size), "image_size", 2)
-    )
+    if not isinstance(image_size, (list, tuple, np.ndarray)):
+        raise ArgumentTypeError(
+            f"image_size: expected (width, height), got {describe(image_size)}; give two whole numbers"
+        )
+    sides = numbers(image_size, "image_size", 2, unit="pixels").tolist()
+    width, height = (whole(side, "image_size", minimum=1) for side in sides)
     focal = width / (2 * math.tan(math.radians(angle) / 2))
     return pinhole(focal, focal, (width - 1) / 2, (height - 1) / 2)
 
