@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::kernels::{BentRow, ProjectiveRow};
+use super::kernels::{BentRow, Offsets, ProjectiveRow};
 use super::surface::Surface;
 use super::{Lut, table::Table};
 use crate::camera::{Camera, Lens, check_image_size};
@@ -26,10 +26,8 @@ impl Camera {
     /// The same behind a lens.
     fn bent_row<'a>(&self, lens: &'a Lens, x: f64, plane: &Plane) -> BentRow<'a> {
         let pose = self.camera_from_vehicle();
-        let [_, _, bank] = plane.coefficients();
         let origin = pose.transform(&Vector3::new(x, 0.0, plane.height_at(x, 0.0)));
-        let step = pose.rotation().column(1) + pose.rotation().column(2) * bank;
-        BentRow { origin, step, intrinsics: self.intrinsics(), lens }
+        BentRow { origin, intrinsics: self.intrinsics(), lens }
     }
 }
 
@@ -45,13 +43,19 @@ impl Lut {
         let ys: Vec<f64> = (0..grid.columns()).map(|column| grid.y_of_column(column as f64)).collect();
         let shape = (grid.rows(), grid.columns());
         let table = match ground {
-            Ground::Plane(plane) => Table::build(shape, camera.image_size(), isa, |row, us, vs| {
-                let x = grid.x_of_row(row as f64);
-                match camera.lens() {
-                    None => camera.ground_row(x, plane).fill(isa, &ys, us, vs),
-                    Some(lens) => camera.bent_row(lens, x, plane).fill(isa, &ys, us, vs),
+            Ground::Plane(plane) => match camera.lens() {
+                None => Table::build(shape, camera.image_size(), isa, |row, us, vs| {
+                    camera.ground_row(grid.x_of_row(row as f64), plane).fill(isa, &ys, us, vs);
+                }),
+                Some(lens) => {
+                    let [_, _, bank] = plane.coefficients();
+                    let rotation = camera.camera_from_vehicle().rotation();
+                    let offsets = Offsets::along(&(rotation.column(1) + rotation.column(2) * bank), &ys);
+                    Table::build(shape, camera.image_size(), isa, |row, us, vs| {
+                        camera.bent_row(lens, grid.x_of_row(row as f64), plane).fill(isa, &offsets, us, vs);
+                    })
                 }
-            }),
+            },
             Ground::HeightMap(map) => {
                 let surface = Surface::new(camera, map, &ys);
                 Table::build(shape, camera.image_size(), isa, |row, us, vs| {

@@ -46,15 +46,19 @@ pub(crate) struct Terms<const N: usize>(pub(crate) BrownConrady);
 impl<const N: usize> Distort for Terms<N> {
     #[inline(always)]
     fn distort(&self, x: f64, y: f64, z: f64) -> (f64, f64) {
-        let w = if z > 0.0 { 1.0 / z } else { f64::NAN };
-        self.0.bend::<N>(x * w, y * w)
+        let w = 1.0 / z;
+        self.0.bend::<N>(x * w, y * w, z > 0.0)
     }
 }
 
 impl Distort for BrownConrady {
     fn distort(&self, x: f64, y: f64, z: f64) -> (f64, f64) {
-        let w = if z > 0.0 { 1.0 / z } else { f64::NAN };
-        self.bend_any(x * w, y * w)
+        match self.terms() {
+            5 => Terms::<5>(*self).distort(x, y, z),
+            8 => Terms::<8>(*self).distort(x, y, z),
+            12 => Terms::<12>(*self).distort(x, y, z),
+            _ => Terms::<14>(*self).distort(x, y, z),
+        }
     }
 }
 
@@ -113,18 +117,23 @@ impl BrownConrady {
         [5, 8, 12, 14].into_iter().find(|&count| count >= last).unwrap_or(14)
     }
 
-    /// Where the ray through (x, y, 1) is seen; NaN outside the domain.
+    /// Where the ray through (x, y, 1) is seen, if it is `seen` at all; NaN outside the domain.
+    ///
+    /// The sums are paired and the domain is asked last, so that no step waits for many others: with Horner's rule the row
+    /// of a table takes 0.40 ms for the seed job instead of 0.32, because the processor has no room for more waiting steps.
     #[inline(always)]
-    pub(super) fn bend<const N: usize>(&self, x: f64, y: f64) -> (f64, f64) {
+    pub(super) fn bend<const N: usize>(&self, x: f64, y: f64, seen: bool) -> (f64, f64) {
         let [k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4, ..] = self.c;
         let s = x * x + y * y;
-        let s = if s <= self.end { s } else { f64::NAN };
-        let mut radial = 1.0 + s * (k1 + s * (k2 + s * k3));
+        let seen = seen & (s <= self.end);
+        let square = s * s;
+        let mut radial = (1.0 + s * k1) + square * (k2 + s * k3);
         if N >= 8 {
-            radial /= 1.0 + s * (k4 + s * (k5 + s * k6));
+            radial /= (1.0 + s * k4) + square * (k5 + s * k6);
         }
         // p1 (s + 2 y^2) + 2 p2 x y = p1 s + 2 y (p1 y + p2 x)
-        let along = radial + 2.0 * (p1 * y + p2 * x);
+        let along = radial + (2.0 * p1 * y + 2.0 * p2 * x);
+        let along = if seen { along } else { f64::NAN };
         let mut u = x * along + p2 * s;
         let mut v = y * along + p1 * s;
         if N >= 12 {
@@ -137,15 +146,6 @@ impl BrownConrady {
             (u, v) = ((t[(0, 0)] * u + t[(0, 1)] * v + t[(0, 2)]) * w, (t[(1, 0)] * u + t[(1, 1)] * v + t[(1, 2)]) * w);
         }
         (u, v)
-    }
-
-    fn bend_any(&self, x: f64, y: f64) -> (f64, f64) {
-        match self.terms() {
-            5 => self.bend::<5>(x, y),
-            8 => self.bend::<8>(x, y),
-            12 => self.bend::<12>(x, y),
-            _ => self.bend::<14>(x, y),
-        }
     }
 
     /// L and its derivative by s.
@@ -205,7 +205,8 @@ impl BrownConrady {
             let seen = Vector2::new(x * along + p2 * s + s * (s1 + s2 * s), y * along + p1 * s + s * (s3 + s4 * s));
             seen - target
         };
-        let inside = |p: Vector2<f64>| if p.norm() > end { p * (end / p.norm()) } else { p };
+        let edge = end * (1.0 + 1e-9); // so that what lies on the edge is reached and not slid along to
+        let inside = |p: Vector2<f64>| if p.norm() > edge { p * (edge / p.norm()) } else { p };
         p = inside(p);
         let mut residual = error(&p);
         for _ in 0..100 {
@@ -270,7 +271,7 @@ impl BrownConrady {
                 let (x, y) = (r * cos, r * sin);
                 let j = self.jacobian(x, y);
                 let mixed = 0.5 * (j[(0, 1)] + j[(1, 0)]);
-                let (u, v) = Self { end: f64::INFINITY, ..*self }.bend::<12>(x, y);
+                let (u, v) = Self { end: f64::INFINITY, ..*self }.bend::<12>(x, y, true);
                 let t = &self.tilt;
                 j[(0, 0)] > 0.0
                     && j[(0, 0)] * j[(1, 1)] > mixed * mixed

@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use super::{Distort, limit, parameter, shown};
+use super::{Distort, limit, parameter, shifted_sphere_z, shown};
 use crate::error::Result;
 
 /// Two unit spheres, xi apart, then a pinhole shifted by `alpha / (1 - alpha)`. With `d1 = |P|`, `k = xi d1 + Z`,
@@ -58,11 +58,7 @@ impl DoubleSphere {
     pub(super) fn undistort(&self, [x, y]: [f64; 2]) -> Option<Vector3<f64>> {
         let Self { xi, alpha, .. } = *self;
         let s = x * x + y * y;
-        let square = 1.0 - (2.0 * alpha - 1.0) * s;
-        if square < -1e-9 {
-            return None;
-        }
-        let z = (1.0 - alpha * alpha * s) / (alpha * square.max(0.0).sqrt() + 1.0 - alpha);
+        let z = shifted_sphere_z(alpha, s)?;
         let length = (z * xi + (z * z + (1.0 - xi * xi) * s).sqrt()) / (z * z + s);
         Some(Vector3::new(length * x, length * y, length * z - xi))
     }

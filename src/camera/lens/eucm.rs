@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use super::{Distort, limit, parameter, shown};
+use super::{Distort, limit, parameter, shifted_sphere_z, shown};
 use crate::error::Result;
 
 /// An ellipsoid, then a pinhole. With `d = sqrt(beta (X^2 + Y^2) + Z^2)`: `m = (X, Y) / (alpha d + (1 - alpha) Z)`.
@@ -58,11 +58,7 @@ impl Eucm {
     pub(super) fn undistort(&self, [x, y]: [f64; 2]) -> Option<Vector3<f64>> {
         let Self { alpha, beta, .. } = *self;
         let s = beta * (x * x + y * y);
-        let square = 1.0 - (2.0 * alpha - 1.0) * s;
-        if square < -1e-9 {
-            return None;
-        }
-        let z = (1.0 - alpha * alpha * s) / (alpha * square.max(0.0).sqrt() + 1.0 - alpha);
+        let z = shifted_sphere_z(alpha, s)?;
         Some(Vector3::new(x, y, z))
     }
 }

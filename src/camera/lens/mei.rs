@@ -80,8 +80,13 @@ impl Distort for Mei {
     #[inline(always)]
     fn distort(&self, x: f64, y: f64, z: f64) -> (f64, f64) {
         let length = (x * x + y * y + z * z).sqrt();
-        let w = if z > self.cos_end * length { 1.0 / (z + self.xi * length) } else { f64::NAN };
-        self.radtan.bend::<5>(x * w, y * w)
+        // Z + xi |P| loses its digits behind; there it is the quotient of two sums of one sign, as far as xi allows
+        let (far, xx) = (self.xi * length, self.xi * self.xi);
+        let behind = z < 0.0;
+        let numerator = if behind { far - z } else { 1.0 };
+        let denominator = if behind { xx * (x * x + y * y) + (xx - 1.0) * (z * z) } else { z + far };
+        let w = numerator / denominator;
+        self.radtan.bend::<5>(x * w, y * w, z > self.cos_end * length)
     }
 }
 

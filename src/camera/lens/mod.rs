@@ -84,19 +84,32 @@ impl Lens {
 
     /// The unit direction whose image is `m`; `None` where `m` is the image of none.
     pub fn unproject(&self, m: [f64; 2]) -> Option<Vector3<f64>> {
-        /// How far the image of the answer may be from what was asked, against its own size plus 1.
+        /// How far the image of the answer may be from what was asked: rounding. Far out it counts with the square,
+        /// because there a small angle is a long way, and a direction is only known to 1e-16.
         const TOLERANCE: f64 = 1e-13;
         if !(m[0].is_finite() && m[1].is_finite()) {
             return None;
         }
         let found = each_model!(self, model => model.undistort(m))?.normalize();
-        let tolerance = TOLERANCE * (1.0 + m[0].abs().max(m[1].abs()));
+        let size = 1.0 + m[0].hypot(m[1]) / self.unit();
+        let tolerance = TOLERANCE * size * size * self.unit();
         // at the edge of the domain, where the image stands still, rounding leaves it by up to 1e-8
         [0.0, 1e-15, 1e-12, 1e-10, 1e-8].into_iter().find_map(|pull| {
             let ray = if pull == 0.0 { found } else { towards_axis(&found, pull) };
             let [mx, my] = self.project(&ray)?;
-            ((mx - m[0]).abs() <= tolerance && (my - m[1]).abs() <= tolerance).then_some(ray)
+            // what Ocam is defined by is this way; the other is uncertain near the edge
+            let defined = matches!(self, Self::Ocam(_));
+            (defined || (mx - m[0]).abs() <= tolerance && (my - m[1]).abs() <= tolerance).then_some(ray)
         })
+    }
+
+    /// What a radian on the axis is on the lens's plane: 1, or pixels.
+    fn unit(&self) -> f64 {
+        match self {
+            Self::RadialPolynomial(lens) => lens.coefficients()[0],
+            Self::Ocam(lens) => lens.polynomial()[0].abs(),
+            _ => 1.0,
+        }
     }
 
     /// The validity limit: the angle from the axis, radians, up to which directions have an image. It is where the image
@@ -141,6 +154,22 @@ fn towards_axis(ray: &Vector3<f64>, angle: f64) -> Vector3<f64> {
     let r = ray.x.hypot(ray.y);
     let (sin, cos) = (r.atan2(ray.z) - angle).sin_cos();
     Vector3::new(ray.x / r * sin, ray.y / r * sin, cos)
+}
+
+/// z of the ray through a point at squared radius `s` from the axis, (x, y, z), where `alpha sqrt(x^2 + y^2 + z^2) +
+/// (1 - alpha) z = 1`; `None` beyond the last such point.
+fn shifted_sphere_z(alpha: f64, s: f64) -> Option<f64> {
+    let square = 1.0 - (2.0 * alpha - 1.0) * s;
+    if square < -1e-9 {
+        return None;
+    }
+    let root = alpha * square.max(0.0).sqrt();
+    // two forms of one number: the first loses digits near alpha = 1, the second is 0 / 0 at alpha = 1 / 2
+    Some(if alpha < 0.75 {
+        (1.0 - alpha * alpha * s) / (root + (1.0 - alpha))
+    } else {
+        (root - (1.0 - alpha)) / (2.0 * alpha - 1.0)
+    })
 }
 
 /// The unit direction at `angle` from the axis, on the side of (x, y), whose length is `r`.

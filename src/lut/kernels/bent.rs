@@ -7,27 +7,40 @@ use crate::camera::lens::{Distort, Terms};
 use crate::camera::{DoubleSphere, Eucm, KannalaBrandt, Lens, Mei, Ocam, RadialPolynomial};
 use crate::cpu::Isa;
 
-/// A row of points in the camera frame, `origin + step * t`, behind a lens: `(u, v) = K (lens(point), 1)`.
+/// A row of points in the camera frame behind a lens: `(u, v) = K (lens(origin + offset), 1)`.
 pub(crate) struct BentRow<'a> {
-    /// The point where t is 0.
+    /// What the points of the row have in common.
     pub(crate) origin: Vector3<f64>,
-    /// How it moves with t.
-    pub(crate) step: Vector3<f64>,
     /// What takes the lens's plane to pixels.
     pub(crate) intrinsics: Matrix3<f64>,
     /// The lens.
     pub(crate) lens: &'a Lens,
 }
 
+/// Where the points of a row lie beside its origin, in the camera frame. On a plane, all rows share them.
+pub(crate) struct Offsets {
+    x: Vec<f64>,
+    y: Vec<f64>,
+    z: Vec<f64>,
+}
+
+impl Offsets {
+    /// `step * t` for each t.
+    pub(crate) fn along(step: &Vector3<f64>, ts: &[f64]) -> Self {
+        let axis = |step: f64| ts.iter().map(|t| step * t).collect();
+        Self { x: axis(step.x), y: axis(step.y), z: axis(step.z) }
+    }
+}
+
 impl BentRow<'_> {
-    /// Writes u and v for each t; NaN outside the lens's domain.
-    pub(crate) fn fill(&self, isa: Isa, ts: &[f64], us: &mut [f64], vs: &mut [f64]) {
+    /// Writes u and v for each point; NaN outside the lens's domain.
+    pub(crate) fn fill(&self, isa: Isa, offsets: &Offsets, us: &mut [f64], vs: &mut [f64]) {
         let row = self;
         macro_rules! with {
             ($lens:expr, $model:ty) => {{
                 let lens = $lens;
                 for_each_isa!(isa, (body::<$model>, body::<$model>, body::<$model>)(
-                    row: &BentRow<'_>, lens: &$model, ts: &[f64], us: &mut [f64], vs: &mut [f64]
+                    row: &BentRow<'_>, lens: &$model, offsets: &Offsets, us: &mut [f64], vs: &mut [f64]
                 ))
             }};
         }
@@ -49,15 +62,24 @@ impl BentRow<'_> {
 }
 
 #[inline(always)]
-fn body<L: Distort>(row: &BentRow<'_>, lens: &L, ts: &[f64], us: &mut [f64], vs: &mut [f64]) {
-    let (a, b, k) = (row.origin, row.step, row.intrinsics);
+fn body<L: Distort>(row: &BentRow<'_>, lens: &L, offsets: &Offsets, us: &mut [f64], vs: &mut [f64]) {
+    if row.intrinsics[(0, 1)] == 0.0 {
+        fill::<L, false>(row, lens, offsets, us, vs);
+    } else {
+        fill::<L, true>(row, lens, offsets, us, vs);
+    }
+}
+
+#[inline(always)]
+fn fill<L: Distort, const SKEW: bool>(row: &BentRow<'_>, lens: &L, offsets: &Offsets, us: &mut [f64], vs: &mut [f64]) {
+    let (a, k) = (row.origin, row.intrinsics);
     let (fx, skew, cx, fy, cy) = (k[(0, 0)], k[(0, 1)], k[(0, 2)], k[(1, 1)], k[(1, 2)]);
-    let cells = ts.len();
-    let (us, vs) = (&mut us[..cells], &mut vs[..cells]);
+    let cells = us.len();
+    let (vs, xs, ys, zs) = (&mut vs[..cells], &offsets.x[..cells], &offsets.y[..cells], &offsets.z[..cells]);
     for i in 0..cells {
-        let t = ts[i];
-        let (x, y) = lens.distort(a.x + b.x * t, a.y + b.y * t, a.z + b.z * t);
-        us[i] = fx * x + skew * y + cx;
+        let (x, y) = lens.distort(a.x + xs[i], a.y + ys[i], a.z + zs[i]);
+        // as Pinhole::pixel: fx x + skew y + cx
+        us[i] = if SKEW { fx * x + skew * y + cx } else { fx * x + cx };
         vs[i] = fy * y + cy;
     }
 }

@@ -10,7 +10,7 @@ mod projective;
 mod quantise;
 mod widen;
 
-pub(crate) use bent::BentRow;
+pub(crate) use bent::{BentRow, Offsets};
 pub(crate) use heights::HeightsRow;
 pub(crate) use projective::ProjectiveRow;
 pub(crate) use quantise::{Kinds, quantise, quantise_one};
