@@ -7,7 +7,8 @@ Four steps, each a few lines, written for obviousness and not for speed:
 3. points -> pixels and back: :func:`project`, :func:`ground_from_pixels`, and :func:`maps` for a whole grid;
 4. image + maps -> bird's-eye view: :func:`remap_nearest`, :func:`remap_bilinear`, with :func:`valid_mask`.
 
-:func:`flip_handedness` and its kin convert between left- and right-handed frames.
+:mod:`~ipm_rs.reference.lenses` has the lens models; :func:`flip_handedness` and its kin convert between left- and
+right-handed frames.
 
 Conventions are those of the package. Vehicle frame: ISO 8855 (x forward, y left, z up), metres. Camera frame: OpenCV
 optical (x right, y down, z forward). Pixel (0, 0) is the centre of the top-left pixel. Transforms are named
@@ -19,8 +20,12 @@ agreement between the two is evidence. Arguments are trusted: the checks and the
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+from ipm_rs.reference import lenses
 
 __all__ = [
     "OPTICAL_FROM_FLU",
@@ -33,6 +38,7 @@ __all__ = [
     "grid_xy",
     "ground_from_pixels",
     "intrinsic_matrix",
+    "lenses",
     "maps",
     "project",
     "remap_bilinear",
@@ -189,9 +195,9 @@ def grid_xy(
 
 
 def project(
-    points: ArrayLike, K: ArrayLike, camera_from_vehicle: ArrayLike, image_size: tuple[int, int]
+    points: ArrayLike, K: ArrayLike, camera_from_vehicle: ArrayLike, image_size: tuple[int, int], lens: Any = None
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
-    """Pixels of vehicle-frame points through a pinhole camera: ``depth [u, v, 1]^T = K (R p + t)``.
+    """Pixels of vehicle-frame points: ``[u, v, 1]^T = K [lens(R p + t), 1]^T``; a pinhole's lens is ``(X/Z, Y/Z)``.
 
     Parameters
     ----------
@@ -203,12 +209,14 @@ def project(
         Pose.
     image_size : (int, int)
         Width and height, pixels.
+    lens : lens, optional
+        Such as ``ipm_rs.BrownConrady``, see :func:`lenses.image_of`; None is a pinhole.
 
     Returns
     -------
     uv : ndarray, shape (..., 2), float64
         Pixel coordinates, exact also outside the image; NaN only where a point has no image because it is not in
-        front of the camera or not finite.
+        front of the camera, outside the lens's domain or not finite.
     depth : ndarray, shape (...), float64
         z in the camera frame, metres; negative behind the camera.
     valid : ndarray, shape (...), bool
@@ -218,9 +226,13 @@ def project(
     pose = np.asarray(camera_from_vehicle, dtype=np.float64)
     in_camera = points @ pose[:3, :3].T + pose[:3, 3]
     depth = in_camera[..., 2]
+    K = np.asarray(K, dtype=np.float64)
     with np.errstate(all="ignore"):
-        uv = (in_camera @ np.asarray(K, dtype=np.float64).T)[..., :2] / depth[..., np.newaxis]
-    has_image = (depth > 0) & np.isfinite(uv).all(axis=-1)
+        if lens is None:
+            uv = (in_camera @ K.T)[..., :2] / np.where(depth > 0, depth, np.nan)[..., np.newaxis]
+        else:
+            uv = lenses.image_of(in_camera, lens) @ K[:2, :2].T + K[:2, 2]
+    has_image = np.isfinite(uv).all(axis=-1)
     uv = np.where(has_image[..., np.newaxis], uv, np.nan)
     return uv, depth, valid_mask(uv[..., 0], uv[..., 1], image_size)
 
@@ -269,6 +281,7 @@ def maps(
     image_size: tuple[int, int],
     xy: ArrayLike,
     ground: float = 0.0,
+    lens: Any = None,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Source pixel of every ground cell, as maps for the two ``remap`` functions.
 
@@ -284,6 +297,8 @@ def maps(
         Ground positions of the cells, metres, as :func:`grid_xy` gives them.
     ground : float
         Height of the road in the vehicle frame, metres.
+    lens : lens, optional
+        Such as ``ipm_rs.BrownConrady``; None is a pinhole.
 
     Returns
     -------
@@ -293,7 +308,7 @@ def maps(
     """
     xy = np.asarray(xy, dtype=np.float64)
     points = np.concatenate([xy, np.full_like(xy[..., :1], ground)], axis=-1)
-    uv, _, _ = project(points, K, camera_from_vehicle, image_size)
+    uv, _, _ = project(points, K, camera_from_vehicle, image_size, lens)
     touches = _touches(uv[..., 0], uv[..., 1], image_size)
     return np.where(touches, uv[..., 0], np.nan), np.where(touches, uv[..., 1], np.nan)
 
