@@ -1,7 +1,5 @@
 //! Depth images to points.
 
-use std::ops::Range;
-
 use nalgebra::Matrix3;
 
 use super::kernels::{self, PinholeRays, PointsRow, Rotate, Unit};
@@ -123,24 +121,31 @@ pub fn cloud_from_depth<T: DepthSample, O: PointSample>(
 ) -> Result<DepthCloud<O>> {
     let job = Job::new(depth, camera, frame_from_camera, mask, options)?;
     let (width, height) = job.size;
-    let band = parallel::rows_per_band(height, width, job.threads);
-    let mut bands: Vec<(Range<usize>, Result<DepthCloud<O>>)> = (0..height.div_ceil(band))
-        .map(|index| (index * band..height.min((index + 1) * band), Ok(DepthCloud { points: vec![], index: vec![] })))
-        .collect();
-    parallel::for_each(job.threads, bands.iter_mut(), |(rows, result)| {
-        *result = job.cloud(rows.clone());
+    let mut cloud = DepthCloud {
+        points: super::filled("points", width * height, [O::default(); 3])?,
+        index: super::filled("index", width * height, 0)?,
+    };
+    // each band has room for all of its pixels; then what they left empty is closed
+    let rows = parallel::rows_per_band(height, width, job.threads);
+    let mut counts = vec![0; height.div_ceil(rows)];
+    let bands = cloud.points.chunks_mut(rows * width).zip(cloud.index.chunks_mut(rows * width)).zip(&mut counts);
+    parallel::for_each(job.threads, bands.enumerate(), |(band, ((points, index), count))| {
+        *count = job.cloud(band * rows, points, index);
     });
-    let mut clouds = bands.into_iter().map(|(_, cloud)| cloud).collect::<Result<Vec<_>>>()?;
-    if clouds.len() == 1 {
-        return Ok(clouds.remove(0));
+    let mut end = 0;
+    for (band, count) in counts.into_iter().enumerate() {
+        let start = band * rows * width;
+        if start != end {
+            cloud.points.copy_within(start..start + count, end);
+            cloud.index.copy_within(start..start + count, end);
+        }
+        end += count;
     }
-    let count = clouds.iter().map(|cloud| cloud.points.len()).sum();
-    let mut whole = DepthCloud { points: super::reserved("points", count)?, index: super::reserved("index", count)? };
-    for cloud in clouds {
-        whole.points.extend_from_slice(&cloud.points);
-        whole.index.extend_from_slice(&cloud.index);
-    }
-    Ok(whole)
+    cloud.points.truncate(end);
+    cloud.index.truncate(end);
+    cloud.points.shrink_to_fit();
+    cloud.index.shrink_to_fit();
+    Ok(cloud)
 }
 
 /// A depth image with all that turns it into points, checked.
@@ -269,25 +274,24 @@ impl<'a, T: DepthSample> Job<'a, T> {
         }
     }
 
-    /// The points of some rows of the result.
-    fn cloud<O: PointSample>(&self, rows: Range<usize>) -> Result<DepthCloud<O>> {
+    /// The points of the result's rows from `first` on, as many rows as there is room for, brought together at the front.
+    /// Returns how many points they are.
+    fn cloud<O: PointSample>(&self, first: usize, points: &mut [[O; 3]], index: &mut [i64]) -> usize {
         let (width, stride) = (self.size.0, self.options.stride);
-        let count = rows.len() * width;
-        let mut cloud =
-            DepthCloud { points: super::reserved("points", count)?, index: super::reserved("index", count)? };
         let mut row = self.row();
-        let mut points = super::filled("points", 3 * width, O::default())?;
-        for y in rows {
-            self.points(y, &mut row, &mut points);
-            let first = (y * stride * self.depth.width()) as i64;
-            for (x, &point) in points.as_chunks::<3>().0.iter().enumerate() {
-                if !point[2].to_f64().is_nan() {
-                    cloud.points.push(point);
-                    cloud.index.push(first + (x * stride) as i64);
-                }
+        let mut organised = vec![[O::default(); 3]; width];
+        let mut count = 0;
+        for y in first..first + points.len() / width {
+            self.points(y, &mut row, organised.as_flattened_mut());
+            let start = (y * stride * self.depth.width()) as i64;
+            // without a branch: which pixels have a point is hard to guess where depth is noise
+            for (x, &point) in organised.iter().enumerate() {
+                points[count] = point;
+                index[count] = start + (x * stride) as i64;
+                count += usize::from(!point[2].to_f64().is_nan());
             }
         }
-        Ok(cloud)
+        count
     }
 }
 

@@ -74,15 +74,14 @@ impl<'a, T> PointsView<'a, T> {
         &self.data[start..start + self.columns]
     }
 
-    /// The numbers of points `first..first + count` with their stride, where it is forward; `None` where it is not.
-    pub(super) fn forward(&self, first: usize, count: usize) -> Option<(&'a [T], usize)> {
-        let stride = usize::try_from(self.stride).ok()?;
-        if count == 0 {
-            return Some((&[], stride));
+    /// Points `first..first + count` as an array of arrays, where they lie so: `S` numbers from one to the next, of the
+    /// last one too.
+    pub(super) fn chunks<const S: usize>(&self, first: usize, count: usize) -> Option<&'a [[T; S]]> {
+        if self.stride != S as isize || self.columns > S {
+            return None;
         }
-        assert!(first + count <= self.count, "points {first} + {count} of {}", self.count);
-        let start = self.origin + first * stride;
-        Some((&self.data[start..start + (count - 1) * stride + self.columns], stride))
+        let start = self.origin + first * S;
+        Some(self.data.get(start..start + count * S)?.as_chunks().0)
     }
 }
 
@@ -97,10 +96,13 @@ mod tests {
         assert_eq!((whole.len(), whole.row(2)), (3, &data[8..12]));
         let backwards = PointsView::with_stride(&data, 3, 3, 8, -4).unwrap();
         assert_eq!((backwards.row(0), backwards.row(2)), (&data[8..11], &data[0..3]));
-        assert_eq!(backwards.forward(0, 2), None);
+        assert_eq!(backwards.chunks::<4>(0, 2), None);
         let repeated = PointsView::with_stride(&data, 100, 3, 9, 0).unwrap();
         assert_eq!(repeated.row(99), &data[9..12]);
-        assert_eq!(whole.forward(1, 2), Some((&data[4..12], 4)));
+        assert_eq!(whole.chunks::<4>(1, 2).map(<[_]>::as_flattened), Some(&data[4..12]));
+        assert_eq!(whole.chunks::<3>(0, 1), None);
+        let narrow = PointsView::with_stride(&data[..11], 3, 3, 0, 4).unwrap();
+        assert!(narrow.chunks::<4>(0, 2).is_some() && narrow.chunks::<4>(0, 3).is_none(), "the last lacks a number");
         assert!(PointsView::<u16>::new(&[], 3).unwrap().is_empty());
     }
 

@@ -55,22 +55,41 @@ pub(super) fn project_chunk<T: PointSample>(
     first: usize,
     out: Projections<'_>,
 ) {
-    let Projections { uv, depth, valid } = out;
-    let forward = points.forward(first, uv.len()).filter(|_| camera.lens().is_none());
-    // a lens goes point by point, as does what runs backwards
-    let Some((points, stride)) = forward else {
-        for (i, pixel) in uv.iter_mut().enumerate() {
+    /// Points that lie otherwise than one after the other are brought together, so many at a time.
+    const TOGETHER: usize = 256;
+    let count = out.uv.len();
+    if camera.lens().is_some() {
+        for i in 0..count {
             let row = points.row(first + i);
             let point = Vector3::new(row[0].to_f64(), row[1].to_f64(), row[2].to_f64());
-            Projection { pixel: *pixel, depth: depth[i], valid: valid[i] } = camera.project(&point);
+            Projection { pixel: out.uv[i], depth: out.depth[i], valid: out.valid[i] } = camera.project(&point);
         }
-        return;
-    };
+    } else if let Some(points) = points.chunks::<3>(first, count) {
+        project_pinhole(isa, camera, points, out);
+    } else if let Some(points) = points.chunks::<4>(first, count) {
+        project_pinhole(isa, camera, points, out);
+    } else {
+        let mut together = [[T::default(); 3]; TOGETHER];
+        let outs = out.uv.chunks_mut(TOGETHER).zip(out.depth.chunks_mut(TOGETHER)).zip(out.valid.chunks_mut(TOGETHER));
+        for (start, ((uv, depth), valid)) in (first..).step_by(TOGETHER).zip(outs) {
+            for (i, point) in together[..uv.len()].iter_mut().enumerate() {
+                point.copy_from_slice(&points.row(start + i)[..3]);
+            }
+            project_pinhole(isa, camera, &together[..uv.len()], Projections { uv, depth, valid });
+        }
+    }
+}
+
+fn project_pinhole<T: PointSample, const S: usize>(
+    isa: Isa,
+    camera: &Camera,
+    points: &[[T; S]],
+    Projections { uv, depth, valid }: Projections<'_>,
+) {
     let pose = camera.camera_from_vehicle();
     let (width, height) = camera.image_size();
     let body = ProjectPinhole {
         points,
-        stride,
         rotation: super::rows(pose.rotation()),
         translation: (*pose.translation()).into(),
         intrinsics: super::intrinsics(camera),

@@ -13,8 +13,8 @@ use crate::parallel;
 /// In an index image, a pixel that no point falls on.
 pub const NO_POINT: i64 = -1;
 
-/// A pixel that no point falls on: farther than every point.
-const EMPTY: u64 = u64::MAX;
+/// A pixel that no point falls on: NaN, whose bits are above those of every distance, and no number.
+const EMPTY: u64 = 0x7fc0_0000_ffff_ffff;
 
 /// Points of one job.
 const CHUNK: usize = 1 << 10;
@@ -75,31 +75,28 @@ pub fn render_points_into<T: PointSample>(
     let chunks = (0..points.len()).step_by(CHUNK);
     parallel::for_each(threads, chunks, |first| {
         let count = CHUNK.min(points.len() - first);
-        let (mut uv, mut z, mut valid) = ([[0.0; 2]; CHUNK], [0.0; CHUNK], [false; CHUNK]);
-        let out = Projections { uv: &mut uv[..count], depth: &mut z[..count], valid: &mut valid[..count] };
+        let (mut uv, mut distance, mut valid) = ([[0.0; 2]; CHUNK], [0.0; CHUNK], [false; CHUNK]);
+        let out = Projections { uv: &mut uv[..count], depth: &mut distance[..count], valid: &mut valid[..count] };
         project_chunk(isa, camera, points, first, out);
-        for i in 0..count {
-            let distance = match options.kind {
-                DepthKind::Planar => z[i],
-                DepthKind::Ray => {
-                    let row = points.row(first + i);
-                    let [x, y, z] = [0, 1, 2].map(|axis| row[axis].to_f64() - camera.position()[axis]);
-                    (x * x + y * y + z * z).sqrt()
-                }
-            };
-            canvas.draw(uv[i], distance, first + i, &splat);
+        if options.kind == DepthKind::Ray {
+            for (i, distance) in distance[..count].iter_mut().enumerate() {
+                let row = points.row(first + i);
+                let [x, y, z] = [0, 1, 2].map(|axis| row[axis].to_f64() - camera.position()[axis]);
+                *distance = (x * x + y * y + z * z).sqrt();
+            }
         }
+        canvas.draw(&uv[..count], &distance[..count], first, &splat);
     });
     let band = parallel::rows_per_band(height, width, threads);
     let bands = depth.bands(band).zip(index.bands(band));
     parallel::for_each(threads, bands, |((first, depths), (_, indices))| {
         for (y, (depths, indices)) in (first..).zip(depths.zip(indices)) {
             let keys = &nearest[y * width..(y + 1) * width];
-            for (key, (depth, index)) in keys.iter().zip(depths.iter_mut().zip(indices)) {
-                match key.load(Ordering::Relaxed) {
-                    EMPTY => (*depth, *index) = (f32::NAN, NO_POINT),
-                    key => (*depth, *index) = (f32::from_bits((key >> 32) as u32), i64::from(key as u32)),
-                }
+            for ((key, depth), index) in keys.iter().zip(depths).zip(indices) {
+                let key = key.load(Ordering::Relaxed);
+                *depth = f32::from_bits((key >> 32) as u32);
+                let number = i64::from(key as u32);
+                *index = if key == EMPTY { NO_POINT } else { number };
             }
         }
     });
@@ -141,30 +138,45 @@ struct Canvas<'a> {
     alone: bool,
 }
 
+/// Rounds a number below 2^51 to the nearest whole one, halves to even; in the baseline build `round_ties_even` is a call.
+#[inline]
+fn nearest_whole(number: f64) -> i64 {
+    const WHOLE: f64 = 1.5 * (1u64 << 52) as f64;
+    ((number + WHOLE) - WHOLE) as i64
+}
+
 impl Canvas<'_> {
-    fn draw(&self, [u, v]: [f64; 2], distance: f64, number: usize, splat: &Splat) {
+    /// Draws neighbouring points, `first` being the number of the first of them; what has no image has NaN for a pixel.
+    fn draw(&self, uv: &[[f64; 2]], distances: &[f64], first: usize, splat: &Splat) {
+        // those that are drawn, brought together without a branch for each: which ones they are is hard to guess
+        let mut drawn = [(0.0, 0.0, 0); CHUNK];
+        let mut count = 0;
         let (least, most) = splat.limits;
-        let near = distance as f32;
-        // what has no image is NaN, and fails here too
-        let reach = splat.reach.len() as f64;
-        let (w, h) = (self.width as f64, self.height as f64);
-        let close = u > -reach && v > -reach && u < w + reach && v < h + reach;
-        if !(close && near > 0.0 && near < f32::INFINITY && distance >= least && distance <= most) {
-            return;
+        let reach = splat.reach.len() as f64 - 0.5;
+        let (right, bottom) = (self.width as f64 - 1.0 + reach, self.height as f64 - 1.0 + reach);
+        for (i, (&[u, v], &distance)) in uv.iter().zip(distances).enumerate() {
+            let near = distance as f32;
+            let close = (u >= -reach) & (v >= -reach) & (u <= right) & (v <= bottom);
+            let far = (near > 0.0) & (near < f32::INFINITY) & (distance >= least) & (distance <= most);
+            drawn[count] = (u, v, u64::from(near.to_bits()) << 32 | (first + i) as u64);
+            count += usize::from(close & far);
         }
-        let (u, v) = (u.round_ties_even() as i64, v.round_ties_even() as i64);
-        let key = u64::from(near.to_bits()) << 32 | number as u64;
-        if let [_] = splat.reach[..] {
-            if (0..self.width as i64).contains(&u) && (0..self.height as i64).contains(&v) {
-                self.put(v as usize * self.width + u as usize, key);
-            }
-            return;
-        }
+        let (width, height) = (self.width as i64, self.height as i64);
         let rows = splat.reach.len() as i64 - 1;
-        for y in (v - rows).max(0)..=(v + rows).min(self.height as i64 - 1) {
-            let reach = splat.reach[(y - v).unsigned_abs() as usize];
-            for x in (u - reach).max(0)..=(u + reach).min(self.width as i64 - 1) {
-                self.put(y as usize * self.width + x as usize, key);
+        for &(u, v, key) in &drawn[..count] {
+            let (u, v) = (nearest_whole(u), nearest_whole(v));
+            if rows == 0 {
+                // a half rounds to even, also to one pixel outside
+                if (0..width).contains(&u) && (0..height).contains(&v) {
+                    self.put((v * width + u) as usize, key);
+                }
+                continue;
+            }
+            for y in (v - rows).max(0)..=(v + rows).min(height - 1) {
+                let reach = splat.reach[(y - v).unsigned_abs() as usize];
+                for x in (u - reach).max(0)..=(u + reach).min(width - 1) {
+                    self.put((y * width + x) as usize, key);
+                }
             }
         }
     }
@@ -172,12 +184,10 @@ impl Canvas<'_> {
     #[inline]
     fn put(&self, pixel: usize, key: u64) {
         let nearest = &self.nearest[pixel];
-        if key >= nearest.load(Ordering::Relaxed) {
-            return;
-        }
+        let before = nearest.load(Ordering::Relaxed);
         if self.alone {
-            nearest.store(key, Ordering::Relaxed);
-        } else {
+            nearest.store(key.min(before), Ordering::Relaxed);
+        } else if key < before {
             nearest.fetch_min(key, Ordering::Relaxed);
         }
     }

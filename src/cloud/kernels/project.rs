@@ -5,11 +5,11 @@ use crate::cloud::PointSample;
 
 /// Pixels, depth and validity of points of the vehicle frame; the arithmetic of `Camera::project`, operation for
 /// operation.
-pub(in crate::cloud) struct ProjectPinhole<'a, T> {
-    /// Rows of at least three numbers.
-    pub(in crate::cloud) points: &'a [T],
-    /// Numbers from one point to the next.
-    pub(in crate::cloud) stride: usize,
+///
+/// `S` numbers from one point to the next are known to the compiler, or it makes no vectors of the loads.
+pub(in crate::cloud) struct ProjectPinhole<'a, T, const S: usize> {
+    /// x, y, z, whatever else.
+    pub(in crate::cloud) points: &'a [[T; S]],
     /// Row by row.
     pub(in crate::cloud) rotation: [[f64; 3]; 3],
     pub(in crate::cloud) translation: [f64; 3],
@@ -22,19 +22,19 @@ pub(in crate::cloud) struct ProjectPinhole<'a, T> {
     pub(in crate::cloud) valid: &'a mut [bool],
 }
 
-impl<T: PointSample> Body for ProjectPinhole<'_, T> {
+impl<T: PointSample, const S: usize> Body for ProjectPinhole<'_, T, S> {
     type Output = ();
 
     #[inline(always)]
     fn run(self) {
-        let Self { points, stride, rotation: [a, b, c], translation: t, .. } = self;
+        let Self { points, rotation: [a, b, c], translation: t, .. } = self;
         let [fx, fy, cx, cy, skew] = self.intrinsics;
         let (last_u, last_v) = self.last;
         let count = self.uv.len();
+        let points = &points[..count];
         let (uv, depth, valid) = (&mut self.uv[..count], &mut self.depth[..count], &mut self.valid[..count]);
         for i in 0..count {
-            let point = &points[i * stride..i * stride + 3];
-            let (x, y, z) = (point[0].to_f64(), point[1].to_f64(), point[2].to_f64());
+            let (x, y, z) = (points[i][0].to_f64(), points[i][1].to_f64(), points[i][2].to_f64());
             let right = a[0] * x + a[1] * y + a[2] * z + t[0];
             let down = b[0] * x + b[1] * y + b[2] * z + t[1];
             let ahead = c[0] * x + c[1] * y + c[2] * z + t[2];
