@@ -1,8 +1,11 @@
-"""Run the Python blocks of Markdown files: `python scripts/run_snippets.py README.md docs/index.md`.
+"""Run the Python blocks of Markdown files: `python scripts/run_snippets.py README.md docs/index.md`; folders are searched.
 
 The blocks of one file run in order, in one namespace, in a temporary folder that holds a calibration `camera.json` and
 an image `frame.png` (and `frame.npy`, the same pixels). A block after the comment `<!-- not run -->` is skipped. A file
 without any block is an error: a check that finds nothing to check must not pass.
+
+A page `docs/datasets/<format>.md` finds the files of that format's samples (tests/python/calibration_samples.py) instead,
+and a noise `frame.png` of the size that its camera has. Whatever such a page calls `lut` must see some of its grid.
 """
 
 from __future__ import annotations
@@ -13,9 +16,15 @@ import re
 import sys
 import tempfile
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from PIL import Image
+
+import ipm_rs
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "python"))
+from calibration_samples import SAMPLES  # noqa: E402
 
 BLOCK = re.compile(r"(?P<skip><!-- not run -->\s*)?^```(?:python|py)\n(?P<code>.*?)^```$", re.MULTILINE | re.DOTALL)
 CAMERA = {
@@ -24,10 +33,17 @@ CAMERA = {
 }
 
 
-def prepare(folder: Path) -> None:
-    """Write the files that the snippets read."""
-    (folder / "camera.json").write_text(json.dumps(CAMERA))
-    image = np.random.default_rng(0).integers(0, 256, (1024, 2048, 3), dtype=np.uint8)
+def prepare(folder: Path, page: Path) -> None:
+    """Write the files that the snippets of a page read."""
+    size = (2048, 1024)
+    samples = [sample for sample in SAMPLES.values() if sample.format == page.stem]
+    if samples and page.parent.name == "datasets":
+        for sample in reversed(samples):  # of equal names, the first sample's file stays
+            sample.write(folder)
+        size = ipm_rs.Camera.load(samples[0].write(folder), **samples[0].options).image_size
+    else:
+        (folder / "camera.json").write_text(json.dumps(CAMERA))
+    image = np.random.default_rng(0).integers(0, 256, (size[1], size[0], 3), dtype=np.uint8)
     np.save(folder / "frame.npy", image)
     Image.fromarray(image).save(folder / "frame.png", compress_level=0)
 
@@ -35,7 +51,7 @@ def prepare(folder: Path) -> None:
 def run(path: Path) -> int:
     """Run the blocks of one file and return how many ran."""
     text = path.read_text(encoding="utf-8")
-    namespace: dict[str, object] = {"__name__": "__main__"}
+    namespace: dict[str, Any] = {"__name__": "__main__"}
     count = 0
     for match in BLOCK.finditer(text):
         if match["skip"]:
@@ -46,17 +62,20 @@ def run(path: Path) -> int:
         count += 1
     if count == 0:
         raise SystemExit(f"{path}: no Python block found to run")
+    if path.parent.name == "datasets" and not namespace["lut"].mask.mean() > 0.05:
+        raise SystemExit(f"{path}: the table of its example sees nothing of the road")
     return count
 
 
 def main() -> None:
     """Run the files named on the command line."""
-    paths = [Path(name).resolve(strict=True) for name in sys.argv[1:]]
+    names = [Path(name).resolve(strict=True) for name in sys.argv[1:]]
+    paths = [path for name in names for path in (sorted(name.glob("*.md")) if name.is_dir() else [name])]
     if not paths:
-        raise SystemExit("usage: run_snippets.py FILE.md ...")
+        raise SystemExit("usage: run_snippets.py FILE.md|FOLDER ...")
     for path in paths:
         with tempfile.TemporaryDirectory(prefix="ipm_rs-") as folder:
-            prepare(Path(folder))
+            prepare(Path(folder), path)
             os.chdir(folder)
             count = run(path)
             os.chdir(path.parent)
