@@ -9,7 +9,7 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-WIDTH, HEIGHT, COLUMNS = 300, 226, 2
+WIDTH, HEIGHT, COLUMNS = 300, 256, 2
 SCALE = 34.0  # pixels in a metre
 COLOURS = {"x": "#d33f3f", "y": "#2e9a4b", "z": "#3a6fd8"}
 NAMES = {"forward": (1, 0, 0), "left": (0, 1, 0), "up": (0, 0, 1)}
@@ -41,7 +41,7 @@ PANELS: list[tuple[str, tuple[float, float, float], tuple[str, str, str], str]] 
 def project(point: tuple[float, float, float]) -> tuple[float, float]:
     """Oblique view from behind, the right and above: forward goes up and right."""
     forward, left, up = point
-    return 104 + SCALE * (1.05 * forward - 0.62 * left), 153 - SCALE * (0.42 * forward + 0.30 * left + up)
+    return 104 + SCALE * (1.05 * forward - 0.62 * left), 168 - SCALE * (0.42 * forward + 0.30 * left + up)
 
 
 def line(a: tuple[float, float, float], b: tuple[float, float, float], style: str) -> str:
@@ -107,8 +107,8 @@ def draw() -> str:
         parts.append(f'<text x="12" y="20" fill="#7c828c" font-weight="bold">{title}</text>')
         parts += car() + axes(origin, directions)
         words = ", ".join(f"{name} {direction}" for name, direction in zip("xyz", directions, strict=True))
-        parts.append(f'<text x="12" y="204" fill="#7c828c" font-size="11">{words}</text>')
-        parts.append(f'<text x="12" y="219" fill="#7c828c" font-size="11">{remark}</text>')
+        parts.append(f'<text x="12" y="230" fill="#7c828c" font-size="11">{words}</text>')
+        parts.append(f'<text x="12" y="245" fill="#7c828c" font-size="11">{remark}</text>')
         parts.append("</g>")
     parts.append("</svg>")
     return "\n".join(parts) + "\n"

@@ -1,11 +1,12 @@
-"""Run the Python blocks of Markdown files: `python scripts/run_snippets.py README.md docs/index.md`; folders are searched.
+"""Run the Python blocks of Markdown files and folders: `python scripts/run_snippets.py README.md docs/datasets`.
 
 The blocks of one file run in order, in one namespace, in a temporary folder that holds a calibration `camera.json` and
 an image `frame.png` (and `frame.npy`, the same pixels). A block after the comment `<!-- not run -->` is skipped. A file
 without any block is an error: a check that finds nothing to check must not pass.
 
-A page `docs/datasets/<format>.md` finds the files of that format's samples (tests/python/calibration_samples.py) instead,
-and a noise `frame.png` of the size that its camera has. Whatever such a page calls `lut` must see some of its grid.
+A page `docs/datasets/<format>.md` finds the files of that format's samples (tests/python/calibration_samples.py)
+instead, and a noise `frame.png` of the size that its camera has. Whatever such a page calls `lut` must see some of its
+grid.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from PIL import Image
 import ipm_rs
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "python"))
-from calibration_samples import SAMPLES  # noqa: E402
+from calibration_samples import SAMPLES
 
 BLOCK = re.compile(r"(?P<skip><!-- not run -->\s*)?^```(?:python|py)\n(?P<code>.*?)^```$", re.MULTILINE | re.DOTALL)
 CAMERA = {
