@@ -340,8 +340,8 @@ pub enum Error {
         /// Entries that came.
         got: usize,
     },
-    /// More points than can be told apart.
-    #[error("points: expected at most {limit}, got {got}; draw them in parts")]
+    /// More points than can be counted or told apart.
+    #[error("points: expected at most {limit}, got {got}; pass them in parts")]
     TooManyPoints {
         /// Points that came.
         got: usize,
@@ -353,6 +353,46 @@ pub enum Error {
     Singular {
         /// The matrix, row by row.
         got: [[f64; 3]; 3],
+    },
+    /// A table of points or values that does not fit its buffer.
+    #[error("points: a table of {rows} x {columns} numbers does not fit a buffer of {length}")]
+    PointTable {
+        /// Rows.
+        rows: usize,
+        /// Numbers in a row.
+        columns: usize,
+        /// Numbers in the buffer.
+        length: usize,
+    },
+    /// Points without the coordinates that are needed.
+    #[error(
+        "points: expected at least {expected} columns (x, y, z), got {got}; without z only values=, count and density can be had"
+    )]
+    PointColumns {
+        /// Columns that are needed.
+        expected: usize,
+        /// Columns that came.
+        got: usize,
+    },
+    /// Values of another number than the points.
+    #[error("values: expected a row of at least one value for each of the {expected} points, got {} rows of {}", got.0, got.1)]
+    PointValues {
+        /// Points.
+        expected: usize,
+        /// (rows, columns) of the values.
+        got: (usize, usize),
+    },
+    /// Height slices that are not ascending.
+    #[error("slices: expected at least two finite heights in ascending order, the edges of the slices, got {got:?}")]
+    Slices {
+        /// The edges that came.
+        got: Vec<f64>,
+    },
+    /// A density scale that ends before it begins.
+    #[error("density_full: expected a finite number above 1, the count plus one at which the density is 1, got {got}")]
+    DensityFull {
+        /// The number that came.
+        got: f64,
     },
     /// A thread count below one.
     #[error("threads: expected at least 1, got {got}")]

@@ -31,6 +31,7 @@ mod lut;
 mod parallel;
 #[cfg(feature = "python")]
 mod python;
+pub mod raster;
 pub mod warp;
 
 pub use camera::{

@@ -35,6 +35,7 @@ from ipm_rs._core import (
     flip_handedness_rotation,
     get_num_threads,
     points_from_depth,
+    rasterize,
     remap,
     render_points,
     rotation_from_euler,
@@ -55,6 +56,7 @@ from ipm_rs.errors import (
     MissingFileError,
     OutOfMemoryError,
 )
+from ipm_rs.layers import Layers
 
 __all__ = [
     "ArgumentError",
@@ -72,6 +74,7 @@ __all__ = [
     "ImageError",
     "IpmError",
     "KannalaBrandt",
+    "Layers",
     "Lut",
     "LutError",
     "Mei",
@@ -94,6 +97,7 @@ __all__ = [
     "flip_handedness_rotation",
     "get_num_threads",
     "points_from_depth",
+    "rasterize",
     "reference",
     "remap",
     "render_points",

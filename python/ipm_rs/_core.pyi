@@ -8,6 +8,8 @@ from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from collections.abc import Mapping, Sequence
 
+from ipm_rs.layers import Layers
+
 __all__ = [
     "BevGrid",
     "BrownConrady",
@@ -33,6 +35,7 @@ __all__ = [
     "flip_handedness_rotation",
     "get_num_threads",
     "points_from_depth",
+    "rasterize",
     "remap",
     "render_points",
     "rotation_from_euler",
@@ -1181,6 +1184,55 @@ def flip_handedness_pose(T: ArrayLike) -> NDArray[np.float64]:
     Raises:
         CalibrationError: it is not rigid. A determinant of -1 means that one frame only is left-handed: mirror that one,
             `T @ diag(1, -1, 1, 1)` for the source frame.
+    """
+
+def rasterize(
+    points: ArrayLike,
+    grid: BevGrid,
+    values: ArrayLike | None = None,
+    reduce: str | Sequence[str] = ("count", "max", "mean"),
+    *,
+    slices: Sequence[float] | None = None,
+    density_full: float = 64.0,
+    threads: int | None = None,
+) -> Layers:
+    """Collects points in the cells of a grid: counts, heights, and whatever else the points carry.
+
+    A point's cell is `row = floor((x_max - x) / dx)`, `column = floor((y_max - y) / dy)` in float64: points on the far
+    and on the left edge of the grid (x_max, y_max) are in, those on the near and on the right edge (x_min, y_min) are
+    out. A cell is the same square whatever the grid's `sample_at`, which says where images are sampled.
+
+    Args:
+        points: (N, 3) or wider, or (H, W, 3) of an organised cloud: x, y, z in metres in the vehicle frame; further columns
+            are not looked at. float32 or float64, any strides, without a copy. (N, 2) will do where no z is needed.
+        grid: the cells.
+        values: what to collect instead of z: (N,) or (N, C), or (H, W) or (H, W, C), as `points[:, 3]`. bool, integers,
+            float32 or float64, any strides.
+        reduce: one name, or several:
+            "count" (how many points), "density" (`min(1, log(count + 1) / log(density_full))`), "min", "max", "mean" (a
+            float64 sum in the order of the points), "last" (of the last point), "top" (of the point with the greatest z,
+            the first of several).
+        slices: edges of height slices, ascending; slice s takes `slices[s] <= z < slices[s + 1]`.
+        density_full: the count plus one at which the density is 1.
+        threads: at most how many threads; the result does not depend on it, to the last bit.
+
+    Returns:
+        A dict of the layers, in the order of `reduce`: "count" int32 and "density" float32 of (rows, columns), 0 in empty
+        cells; the others of (rows, columns), or (rows, columns, C) for values with channels, NaN in empty cells, of the
+        dtype of z or the values (float32 for bool and integers of 8 and 16 bits, float64 for wider ones). With slices,
+        there is an axis of them in front. Its attributes `inside`, `outside` and `ignored` say what became of the points:
+        ignored are those with a coordinate that is NaN or infinite, and those on the grid with such a value; they
+        take part in nothing.
+
+        Besides the layers, memory is needed for what the cells collect while it runs: 4 bytes for each for counts, 16
+        or 24 for each channel (24 or 40 in float64), 8 for "top"; and for at most 64 MiB of points with several threads.
+
+    Raises:
+        ArgumentError: shapes that do not fit, an unknown name, slices that do not ascend, more than 2^31 - 1 points, more
+            than 2^28 cells in all slices.
+        DtypeError: points that are not float32 or float64, values that are not real.
+        ArgumentTypeError: not an array, not a grid.
+        OutOfMemoryError: the layers do not fit.
     """
 
 def remap(

@@ -44,6 +44,11 @@ impl<'py> Floats<'py> {
         self.array.shape()
     }
 
+    /// The converted array.
+    pub(super) fn into_array(self) -> Bound<'py, PyUntypedArray> {
+        self.array.as_untyped().clone()
+    }
+
     pub(super) fn values(&self) -> &[f64] {
         self.array.as_slice().expect("asked of NumPy in C order")
     }

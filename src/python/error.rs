@@ -33,6 +33,7 @@ impl From<Error> for PyErr {
             | Error::CellSize { .. }
             | Error::PartialCell { .. }
             | Error::TooManyCells { what: "BevGrid", .. } => classes::GridError::new_err(message),
+            Error::TooManyCells { what: "rasterize", .. } => classes::ArgumentError::new_err(message),
             Error::TooManyCells { .. }
             | Error::MapLength { .. }
             | Error::Homography { .. }
@@ -56,6 +57,11 @@ impl From<Error> for PyErr {
             | Error::PointsBuffer { .. }
             | Error::PointsLength { .. }
             | Error::TooManyPoints { .. }
+            | Error::PointTable { .. }
+            | Error::PointColumns { .. }
+            | Error::PointValues { .. }
+            | Error::Slices { .. }
+            | Error::DensityFull { .. }
             | Error::Threads { .. }
             | Error::Isa { .. } => classes::ArgumentError::new_err(message),
             Error::OutOfMemory { .. } => classes::OutOfMemoryError::new_err(message),

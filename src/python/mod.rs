@@ -31,6 +31,7 @@ mod lut;
 mod maps;
 mod options;
 mod points;
+mod raster;
 mod shared;
 
 use pyo3::prelude::*;
@@ -60,6 +61,8 @@ mod core_module {
     use super::lens::{PyBrownConrady, PyDoubleSphere, PyEucm, PyKannalaBrandt, PyMei, PyOcam, PyRadialPolynomial};
     #[pymodule_export]
     use super::lut::PyLut;
+    #[pymodule_export]
+    use super::raster::rasterize;
     #[pymodule_export]
     use super::{cpu_info, get_num_threads, set_num_threads};
 

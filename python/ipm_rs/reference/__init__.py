@@ -7,14 +7,14 @@ Four steps, each a few lines, written for obviousness and not for speed:
 3. points -> pixels and back: :func:`project`, :func:`ground_from_pixels`, and :func:`maps` for a whole grid;
 4. image + maps -> bird's-eye view: :func:`remap_nearest`, :func:`remap_bilinear`, with :func:`valid_mask`.
 
-:mod:`~ipm_rs.reference.lenses` has the lens models; :func:`flip_handedness` and its kin convert between left- and
-right-handed frames.
+:func:`rasterize` collects points in the cells of a grid; :mod:`~ipm_rs.reference.lenses` has the lens models;
+:func:`flip_handedness` and its kin convert between left- and right-handed frames.
 
 Conventions are those of the package. Vehicle frame: ISO 8855 (x forward, y left, z up), metres. Camera frame: OpenCV
 optical (x right, y down, z forward). Pixel (0, 0) is the centre of the top-left pixel. Transforms are named
 ``dst_from_src`` and act on column vectors. Angles are radians. Sizes are (width, height), shapes are (rows, columns).
 
-Everything is computed in float64. The module needs NumPy alone and takes nothing from the compiled core, so an
+Everything is computed in float64. The package needs NumPy alone and takes nothing from the compiled core, so an
 agreement between the two is evidence. Arguments are trusted: the checks and the typed errors are the core's job.
 """
 
@@ -25,7 +25,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ipm_rs.reference import lenses
+from . import lenses  # relative: the package also works when it is loaded from its folder alone
+from .raster import rasterize
 
 __all__ = [
     "OPTICAL_FROM_FLU",
@@ -41,6 +42,7 @@ __all__ = [
     "lenses",
     "maps",
     "project",
+    "rasterize",
     "remap_bilinear",
     "remap_nearest",
     "rotation_from_euler",

@@ -1,0 +1,174 @@
+//! Several threads: points are sorted by bands of cells, batch by batch, and then each band is one thread's.
+//!
+//! Within a band the points keep their order, so every cell sees its points in the order in which they came, whatever the
+//! threads: the same sums, to the last bit, as block after block on one thread.
+
+use std::sync::{Mutex, PoisonError};
+
+use super::Census;
+use super::kernels::Finder;
+use super::layers::Cells;
+use super::number::Real;
+use super::points::{BLOCK, Block, Source};
+use super::records::Record;
+use crate::cpu::Isa;
+use crate::parallel;
+
+/// Points that one job sorts: with what is made of them they fit the second cache.
+const CHUNK: usize = 8 * BLOCK;
+
+/// Bytes of sorted points at a time.
+const BATCH_BYTES: usize = 1 << 26;
+
+/// Most points at a time; more do not make it faster.
+const BATCH_CHUNKS: usize = 512;
+
+/// Most bands: many for each thread, so that they even out where the points crowd in a few rows.
+const MAX_BANDS: usize = 64;
+
+/// Points with a cell: their cells, their values channel by channel, their heights if they are wanted.
+struct Columns<T> {
+    keys: Vec<u32>,
+    values: Vec<Vec<T>>,
+    heights: Vec<f64>,
+}
+
+impl<T: Real> Columns<T> {
+    fn new(channels: usize) -> Self {
+        Self { keys: Vec::new(), values: (0..channels).map(|_| Vec::new()).collect(), heights: Vec::new() }
+    }
+}
+
+/// What a thread needs to sort a chunk.
+struct Desk<T> {
+    block: Block<T>,
+    read: Columns<T>,
+    /// Where each point goes.
+    places: Vec<u32>,
+}
+
+/// The points of a chunk that have a cell, by bands, with their cells within the band.
+struct Chunk<T> {
+    sorted: Columns<T>,
+    /// Where each band begins, and where the last one ends.
+    starts: [u32; MAX_BANDS + 1],
+    census: Census,
+}
+
+impl<T: Real> Chunk<T> {
+    fn new(channels: usize) -> Self {
+        Self { sorted: Columns::new(channels), starts: [0; MAX_BANDS + 1], census: Census::default() }
+    }
+
+    /// Reads points `first..end` and sorts them by bands of `1 << shift` cells.
+    fn fill(
+        &mut self,
+        desk: &mut Desk<T>,
+        source: &Source<'_, T>,
+        finder: &Finder,
+        isa: Isa,
+        (first, end): (usize, usize),
+        shift: u32,
+    ) {
+        let Desk { block, read, places } = desk;
+        read.keys.clear();
+        read.values.iter_mut().for_each(Vec::clear);
+        read.heights.clear();
+        for first in (first..end).step_by(BLOCK) {
+            self.census += block.read(source, finder, isa, first, BLOCK.min(end - first));
+            read.keys.extend_from_slice(&block.keys);
+            for (column, values) in read.values.iter_mut().zip(&block.values) {
+                column.extend_from_slice(values);
+            }
+            read.heights.extend_from_slice(&block.heights);
+        }
+        // where the bands begin, one place further on, and then where the next point of each goes
+        let mut next = [0u32; MAX_BANDS + 1];
+        for &key in &read.keys {
+            next[(key >> shift) as usize + 1] += 1;
+        }
+        for band in 0..MAX_BANDS {
+            next[band + 1] += next[band];
+        }
+        self.starts = next;
+        places.clear();
+        places.extend(read.keys.iter().map(|&key| {
+            let next = &mut next[(key >> shift) as usize];
+            *next += 1;
+            *next - 1
+        }));
+        let mask = (1u32 << shift) - 1;
+        spread(places, &read.keys, &mut self.sorted.keys, 0, |key| key & mask);
+        for (from, to) in read.values.iter().zip(&mut self.sorted.values) {
+            spread(places, from, to, T::NAN, |value| value);
+        }
+        if !read.heights.is_empty() {
+            spread(places, &read.heights, &mut self.sorted.heights, 0.0, |height| height);
+        }
+    }
+
+    /// Adds the points of a band to its cells.
+    fn add_to<R: Record<T>>(&self, band: usize, cells: &mut Cells<'_, T, R>) {
+        let (first, end) = (self.starts[band] as usize, self.starts[band + 1] as usize);
+        let Columns { keys, values, heights } = &self.sorted;
+        let heights = heights.get(first..end).unwrap_or_default();
+        cells.add(&keys[first..end], values.iter().map(|channel| &channel[first..end]), heights);
+    }
+}
+
+/// Puts each item into its place.
+fn spread<E: Copy>(places: &[u32], from: &[E], to: &mut Vec<E>, blank: E, change: impl Fn(E) -> E) {
+    to.resize(from.len(), blank);
+    for (&place, &item) in places.iter().zip(from) {
+        to[place as usize] = change(item);
+    }
+}
+
+/// Batch after batch, on so many threads.
+pub(super) fn run<T: Real, R: Record<T>>(
+    source: &Source<'_, T>,
+    finder: &Finder,
+    isa: Isa,
+    mut cells: Cells<'_, T, R>,
+    wants_heights: bool,
+    threads: usize,
+) -> Census {
+    let (count, channels) = (source.points.rows(), source.channels());
+    let shift = cells.len().div_ceil(MAX_BANDS).next_power_of_two().ilog2();
+    let bands = cells.len().div_ceil(1 << shift);
+    let mut bands: Vec<_> = (0..bands).map(|_| cells.split_off(1 << shift)).collect();
+
+    let point = size_of::<u32>() + if wants_heights { size_of::<f64>() } else { 0 } + channels * size_of::<T>();
+    let chunks = (BATCH_BYTES / (CHUNK * point)).clamp(1, BATCH_CHUNKS).min(count.div_ceil(CHUNK));
+    let mut chunks: Vec<Chunk<T>> = (0..chunks).map(|_| Chunk::new(channels)).collect();
+    let batch = chunks.len() * CHUNK;
+    let desks: Mutex<Vec<Desk<T>>> = Mutex::default();
+    let desks = || desks.lock().unwrap_or_else(PoisonError::into_inner);
+    for first in (0..count).step_by(batch) {
+        let end = count.min(first + batch);
+        let used = (end - first).div_ceil(CHUNK);
+        parallel::for_each(threads, chunks[..used].iter_mut().enumerate(), |(i, chunk)| {
+            let desk = desks().pop();
+            let mut desk = desk.unwrap_or_else(|| Desk {
+                block: Block::new(channels, wants_heights),
+                read: Columns::new(channels),
+                places: Vec::new(),
+            });
+            let first = first + i * CHUNK;
+            chunk.fill(&mut desk, source, finder, isa, (first, end.min(first + CHUNK)), shift);
+            desks().push(desk);
+        });
+        parallel::for_each(threads, bands.iter_mut().enumerate(), |(i, band)| {
+            if first == 0 {
+                band.begin();
+            }
+            for chunk in &chunks[..used] {
+                chunk.add_to(i, band);
+            }
+            if end == count {
+                band.finish(isa);
+            }
+        });
+    }
+    chunks.iter().fold(Census::default(), |sum, chunk| sum + chunk.census)
+}

@@ -1,0 +1,235 @@
+//! From points to blocks: which cell each point falls into, and the values of those that have one.
+
+use super::kernels::{Finder, NOWHERE};
+use super::number::{Cast, Real};
+use super::strided::Strided;
+use super::{Census, MAX_POINTS, RasterOptions, Reduce};
+use crate::cpu::Isa;
+use crate::error::{Error, Result};
+
+/// Points that are looked at together: what is known of them stays in the first cache.
+pub(super) const BLOCK: usize = 1024;
+
+/// Where points are: rows of x, y and perhaps z.
+pub trait Coordinates: Sync {
+    /// How many points.
+    fn rows(&self) -> usize;
+    /// Numbers of a point.
+    fn columns(&self) -> usize;
+    /// Reads x, y and z (0 where there is none) of the points from `first` on, as many as the slices hold.
+    fn load(&self, first: usize, xyz: [&mut [f64]; 3]);
+}
+
+/// What points carry: a row of values for each.
+pub trait Values<T>: Sync {
+    /// How many rows.
+    fn rows(&self) -> usize;
+    /// Values in a row.
+    fn channels(&self) -> usize;
+    /// Replaces `out` by the values of one channel, of the points `first + position` for all positions.
+    fn gather(&self, channel: usize, first: usize, positions: &[u32], out: &mut Vec<T>);
+}
+
+impl<P: Real> Coordinates for Strided<'_, P> {
+    fn rows(&self) -> usize {
+        Strided::rows(self)
+    }
+
+    fn columns(&self) -> usize {
+        Strided::columns(self)
+    }
+
+    fn load(&self, first: usize, [x, y, z]: [&mut [f64]; 3]) {
+        let count = x.len();
+        if self.columns() < 3 {
+            z.fill(0.0);
+            for i in 0..count {
+                (x[i], y[i]) = (self.get(first + i, 0).to_f64(), self.get(first + i, 1).to_f64());
+            }
+        } else if let Some(rows) = self.packed::<4>(first, count) {
+            unpack(rows, x, y, z);
+        } else if let Some(rows) = self.packed::<3>(first, count) {
+            unpack(rows, x, y, z);
+        } else if let Some(rows) = self.packed::<5>(first, count) {
+            unpack(rows, x, y, z);
+        } else {
+            for i in 0..count {
+                let [a, b, c] = [0, 1, 2].map(|column| self.get(first + i, column).to_f64());
+                (x[i], y[i], z[i]) = (a, b, c);
+            }
+        }
+    }
+}
+
+fn unpack<P: Real, const K: usize>(rows: &[[P; K]], x: &mut [f64], y: &mut [f64], z: &mut [f64]) {
+    for (((row, x), y), z) in rows.iter().zip(x).zip(y).zip(z) {
+        (*x, *y, *z) = (row[0].to_f64(), row[1].to_f64(), row[2].to_f64());
+    }
+}
+
+impl<T: Real, S: Cast<T>> Values<T> for Strided<'_, S> {
+    fn rows(&self) -> usize {
+        Strided::rows(self)
+    }
+
+    fn channels(&self) -> usize {
+        self.columns()
+    }
+
+    fn gather(&self, channel: usize, first: usize, positions: &[u32], out: &mut Vec<T>) {
+        let column = self.column(channel);
+        out.clear();
+        out.extend(positions.iter().map(|&position| column.get(first + position as usize, 0).cast()));
+    }
+}
+
+/// The points of a call, and what they carry: z where that is `None`.
+pub(super) struct Source<'a, T> {
+    pub(super) points: &'a dyn Coordinates,
+    pub(super) values: Option<&'a dyn Values<T>>,
+}
+
+impl<T: Real> Source<'_, T> {
+    pub(super) fn channels(&self) -> usize {
+        self.values.map_or(1, Values::channels)
+    }
+
+    pub(super) fn check(&self, options: &RasterOptions<'_>) -> Result<()> {
+        let (count, columns) = (self.points.rows(), self.points.columns());
+        let heights = !options.slices.is_empty()
+            || options.reduce.contains(&Reduce::Top)
+            || (self.values.is_none() && options.reduce.iter().any(|reduce| reduce.needs_values()));
+        let expected = if heights { 3 } else { 2 };
+        if columns < expected {
+            return Err(Error::PointColumns { expected, got: columns });
+        }
+        if count > MAX_POINTS {
+            return Err(Error::TooManyPoints { limit: MAX_POINTS, got: count });
+        }
+        match self.values {
+            Some(values) if values.rows() != count || values.channels() == 0 => {
+                Err(Error::PointValues { expected: count, got: (values.rows(), values.channels()) })
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+/// A block of points: where those are that have a cell, and what they carry.
+pub(super) struct Block<T> {
+    coordinates: [Vec<f64>; 3],
+    /// The cells of all points.
+    all_keys: Vec<u32>,
+    /// Which points of the block have a cell.
+    positions: Vec<u32>,
+    /// Their cells.
+    pub(super) keys: Vec<u32>,
+    /// Their values, channel by channel.
+    pub(super) values: Vec<Vec<T>>,
+    /// Their heights, if they are wanted.
+    pub(super) heights: Vec<f64>,
+    wants_heights: bool,
+}
+
+impl<T: Real> Block<T> {
+    /// A block of points with so many values each, of which the heights are kept if they are wanted.
+    pub(super) fn new(channels: usize, wants_heights: bool) -> Self {
+        let zeros = || vec![0.0; BLOCK];
+        Self {
+            coordinates: [zeros(), zeros(), zeros()],
+            all_keys: vec![NOWHERE; BLOCK],
+            positions: Vec::with_capacity(BLOCK),
+            keys: Vec::with_capacity(BLOCK),
+            values: (0..channels).map(|_| Vec::with_capacity(BLOCK)).collect(),
+            heights: Vec::with_capacity(BLOCK),
+            wants_heights,
+        }
+    }
+
+    /// Reads `count` points from the `first` on, and returns what became of them.
+    pub(super) fn read(
+        &mut self,
+        source: &Source<'_, T>,
+        finder: &Finder,
+        isa: Isa,
+        first: usize,
+        count: usize,
+    ) -> Census {
+        let [x, y, z] = &mut self.coordinates;
+        let (x, y, z) = (&mut x[..count], &mut y[..count], &mut z[..count]);
+        source.points.load(first, [x, y, z]);
+        let all = &mut self.all_keys[..count];
+        let (mut inside, mut ignored) = finder.keys(isa, [x, y, z], all);
+        self.keys.clear();
+        match source.values {
+            None => {
+                let values = &mut self.values[0];
+                values.clear();
+                if inside == count {
+                    self.keys.extend_from_slice(all);
+                    values.extend(z.iter().map(|&z| T::from_f64(z)));
+                } else {
+                    self.keys.resize(count, 0);
+                    values.resize(count, T::NAN);
+                    let mut kept = 0;
+                    for (&key, &z) in all.iter().zip(z.iter()) {
+                        self.keys[kept] = key;
+                        values[kept] = T::from_f64(z);
+                        kept += usize::from(key != NOWHERE);
+                    }
+                    self.keys.truncate(inside);
+                    values.truncate(inside);
+                }
+                if self.wants_heights {
+                    self.heights.clear();
+                    self.heights.extend(self.values[0].iter().map(|&z| z.to_f64()));
+                }
+            }
+            Some(values) => {
+                self.keys.resize(count, 0);
+                self.positions.resize(count, 0);
+                let mut kept = 0;
+                for (position, &key) in all.iter().enumerate() {
+                    self.keys[kept] = key;
+                    self.positions[kept] = position as u32;
+                    kept += usize::from(key != NOWHERE);
+                }
+                self.keys.truncate(inside);
+                self.positions.truncate(inside);
+                for (channel, out) in self.values.iter_mut().enumerate() {
+                    values.gather(channel, first, &self.positions, out);
+                }
+                let bad = self.drop_bad_values();
+                inside -= bad;
+                ignored += bad;
+                if self.wants_heights {
+                    let z = &self.coordinates[2];
+                    self.heights.clear();
+                    self.heights.extend(self.positions.iter().map(|&position| z[position as usize]));
+                }
+            }
+        }
+        Census { inside, ignored }
+    }
+
+    /// Drops the points with a value that is not finite, and returns how many they are.
+    fn drop_bad_values(&mut self) -> usize {
+        let finite = |value: &T| value.to_f64().is_finite();
+        if self.values.iter().all(|channel| channel.iter().all(finite)) {
+            return 0;
+        }
+        let before = self.keys.len();
+        let good: Vec<bool> = (0..before).map(|i| self.values.iter().all(|channel| finite(&channel[i]))).collect();
+        retain(&mut self.keys, &good);
+        retain(&mut self.positions, &good);
+        for channel in &mut self.values {
+            retain(channel, &good);
+        }
+        before - self.keys.len()
+    }
+}
+
+fn retain<E: Copy>(items: &mut Vec<E>, good: &[bool]) {
+    let mut good = good.iter();
+    items.retain(|_| good.next() == Some(&true));
+}

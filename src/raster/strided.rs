@@ -1,0 +1,133 @@
+//! A borrowed table of numbers, checked once: points, or the values that they carry.
+
+use crate::error::{Error, Result};
+
+/// Numbers in rows and columns with any strides, also zero (a value that stands for many) and negative.
+#[derive(Debug, Clone, Copy)]
+pub struct Strided<'a, T> {
+    data: &'a [T],
+    rows: usize,
+    columns: usize,
+    /// Index of row 0, column 0.
+    start: usize,
+    row_stride: isize,
+    column_stride: isize,
+}
+
+impl<'a, T: Copy> Strided<'a, T> {
+    /// Rows of `columns` numbers, one after the other.
+    ///
+    /// # Errors
+    /// [`Error::PointTable`] where the data is no whole number of rows.
+    pub fn new(data: &'a [T], columns: usize) -> Result<Self> {
+        let rows = data.len().checked_div(columns).unwrap_or(0);
+        if rows * columns != data.len() {
+            return Err(Error::PointTable { rows, columns, length: data.len() });
+        }
+        Self::with_strides(data, (rows, columns), 0, (columns as isize, 1))
+    }
+
+    /// Rows and columns of which number (i, j) is `data[start + i * strides.0 + j * strides.1]`.
+    ///
+    /// # Errors
+    /// [`Error::PointTable`] where a number would lie outside the data.
+    pub fn with_strides(
+        data: &'a [T],
+        (rows, columns): (usize, usize),
+        start: usize,
+        (row_stride, column_stride): (isize, isize),
+    ) -> Result<Self> {
+        if rows > 0 && columns > 0 {
+            let refuse = Error::PointTable { rows, columns, length: data.len() };
+            let (Ok(last_row), Ok(last_column)) = (isize::try_from(rows - 1), isize::try_from(columns - 1)) else {
+                return Err(refuse);
+            };
+            let down = last_row as i128 * row_stride as i128;
+            let across = last_column as i128 * column_stride as i128;
+            let first = start as i128 + down.min(0) + across.min(0);
+            let last = start as i128 + down.max(0) + across.max(0);
+            if first < 0 || last >= data.len() as i128 {
+                return Err(refuse);
+            }
+        }
+        Ok(Self { data, rows, columns, start, row_stride, column_stride })
+    }
+
+    /// How many rows.
+    pub fn rows(&self) -> usize {
+        self.rows
+    }
+
+    /// How many columns.
+    pub fn columns(&self) -> usize {
+        self.columns
+    }
+
+    /// One column of it, as a table.
+    pub(super) fn column(&self, column: usize) -> Self {
+        assert!(column < self.columns);
+        let start = self.start.wrapping_add_signed(column as isize * self.column_stride);
+        Self { columns: 1, start, ..*self }
+    }
+
+    /// Number (row, column).
+    #[inline]
+    pub(super) fn get(&self, row: usize, column: usize) -> T {
+        let offset = row as isize * self.row_stride + column as isize * self.column_stride;
+        self.data[self.start.wrapping_add_signed(offset)]
+    }
+
+    /// The rows from `first` on as arrays of `K` adjacent numbers, where there are no gaps and that is what they are.
+    #[inline]
+    pub(super) fn packed<const K: usize>(&self, first: usize, count: usize) -> Option<&'a [[T; K]]> {
+        if self.row_stride != K as isize || self.column_stride != 1 || self.columns > K || count == 0 {
+            return None;
+        }
+        // the last row may end before its K numbers do, so the slice is cut to what is there
+        let begin = self.start + first * K;
+        let (whole, _) = self.data.get(begin..)?.as_chunks::<K>();
+        whole.get(..count)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn any_strides_within_the_data() {
+        let data: Vec<u16> = (0..12).collect();
+        let plain = Strided::new(&data, 4).unwrap();
+        assert_eq!((plain.rows(), plain.columns(), plain.get(2, 3)), (3, 4, 11));
+        assert_eq!(plain.packed::<4>(1, 2), Some(&[[4, 5, 6, 7], [8, 9, 10, 11]][..]));
+        assert_eq!(plain.packed::<3>(0, 1), None);
+        assert_eq!(plain.column(2).get(1, 0), 6);
+        let backwards = Strided::with_strides(&data, (3, 4), 11, (-4, -1)).unwrap();
+        assert_eq!((backwards.get(0, 0), backwards.get(2, 3)), (11, 0));
+        let repeated = Strided::with_strides(&data, (usize::MAX >> 2, 2), 3, (0, 5)).unwrap();
+        assert_eq!(repeated.get(usize::MAX >> 3, 1), 8);
+        // a column of a wider table, whose last row has no end
+        let part = Strided::with_strides(&data, (3, 3), 1, (4, 1)).unwrap();
+        assert_eq!(part.packed::<4>(0, 2), Some(&[[1, 2, 3, 4], [5, 6, 7, 8]][..]));
+        assert_eq!(part.packed::<4>(0, 3), None);
+        assert_eq!(Strided::<f32>::new(&[], 3).unwrap().rows(), 0);
+    }
+
+    #[test]
+    fn refuses_numbers_outside_the_data() {
+        let data = [0f32; 12];
+        for (shape, start, strides) in [
+            ((4, 4), 0, (4, 1)),
+            ((3, 4), 1, (4, 1)),
+            ((3, 4), 0, (-4, 1)),
+            ((usize::MAX, 1), 0, (1, 1)),
+            ((usize::MAX, 1), 0, (0, 0)),
+            ((2, 2), 0, (isize::MAX, isize::MAX)),
+            ((1, 1), 12, (0, 0)),
+        ] {
+            let got = Strided::with_strides(&data, shape, start, strides);
+            assert!(matches!(got, Err(Error::PointTable { .. })), "{shape:?} {start} {strides:?}");
+        }
+        assert!(Strided::new(&data, 5).is_err() && Strided::new(&data, 0).is_err());
+    }
+}
