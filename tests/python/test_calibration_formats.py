@@ -106,7 +106,7 @@ def test_no_known_format(data, tmp_path):
 
 
 def test_no_known_format_in_a_directory(tmp_path):
-    with refuses(errors.CalibrationError, str(tmp_path), "tried", "cityscapes (a directory)"):
+    with refuses(errors.CalibrationError, str(tmp_path), "tried", "cityscapes: a directory"):
         ipm_rs.Camera.load(tmp_path)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import sys
+import types
 
 import calibration_datasets as samples
 import cv2
@@ -393,6 +394,18 @@ def test_waymo_parquet_row():
 def test_waymo_refused(change, named):
     with refuses(errors.CalibrationError, "Waymo calibration", named):
         waymo.read({**samples.WAYMO, **change})
+
+
+def test_waymo_message():
+    """A protobuf message has attributes, and repeated fields that are no lists."""
+    fields = {**samples.WAYMO, "intrinsic": tuple(samples.WAYMO["intrinsic"]), "name": 1}
+    fields["extrinsic"] = types.SimpleNamespace(transform=tuple(samples.WAYMO["extrinsic"]["transform"]))
+    message = types.SimpleNamespace(**fields)
+    assert waymo.read(message) == waymo.read([message]) == waymo.read(samples.WAYMO)
+    assert waymo.read([message], camera="FRONT") == waymo.read(samples.WAYMO)
+    message.extrinsic = None
+    with refuses(errors.ArgumentTypeError, "CameraCalibration message", "SimpleNamespace", "mapping"):
+        waymo.read(message)
 
 
 def test_waymo_transform_by_columns():

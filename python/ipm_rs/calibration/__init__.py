@@ -16,8 +16,8 @@ How to add a format
    (`read_json`, `Document`); nothing but errors of ``ipm_rs.errors`` may leave a reader, whatever the bytes.
 2. Its name in `FORMATS`, before any format whose files it could be taken for.
 3. A line in ``src/python/camera_readers.rs`` and the method in ``_core.pyi``: ``Camera.from_<format>``.
-4. A sample in ``tests/python/calibration_samples.py``: the tests of all formats then mutate it, cut it short, and hold
-   that no other format claims it.
+4. A sample in ``tests/python/calibration_datasets.py`` or ``calibration_samples.py``: the tests of all formats
+   then mutate it, cut it short, and hold that no other format claims it.
 """
 
 from __future__ import annotations
@@ -99,11 +99,23 @@ def recognise(path: str | os.PathLike[str]) -> str:
             lacks = "a directory" if document.is_directory else str(error)
         if lacks is None:
             return name
-        tried.append(f"{name} ({lacks})")
+        tried.append(f"\n  {name}: {lacks}")
     raise CalibrationError(
-        f"{document.origin}: expected a calibration of a known format, got one of none; tried {'; '.join(tried)}; "
-        "call Camera.from_<format> to learn what is wrong with a file of that format, or build Camera(K, ...) yourself"
+        f"{document.origin}: expected a calibration of a known format, got one of none{_broken_json(document)}; "
+        "call Camera.from_<format> to learn what is wrong with a file, or build Camera(K, ...) yourself; tried"
+        + "".join(tried)
     )
+
+
+def _broken_json(document: Document) -> str:
+    """Say where a file breaks that begins like JSON."""
+    try:
+        if document.is_directory or document.text.lstrip()[:1] not in ("{", "["):
+            return ""
+        _ = document.json
+    except CalibrationError as error:
+        return f" ({str(error).removeprefix(f'{document.origin}: ')})"
+    return ""
 
 
 def load(

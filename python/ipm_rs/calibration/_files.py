@@ -97,6 +97,15 @@ class Document:
         """Content as JSON; a key that is repeated in one object is refused."""
         return parse_json(self.text, self.origin)
 
+    @property
+    def is_json(self) -> bool:
+        """Whether the content is JSON."""
+        try:
+            _ = self.json
+        except CalibrationError:
+            return False
+        return True
+
 
 def parse_json(text: str, origin: str) -> Any:
     """Content of JSON text; a key that is repeated in one object is refused."""
@@ -158,13 +167,11 @@ def keys_missing(document: Document, *keys: str) -> str | None:
 
     ``"extrinsic.pitch"`` is the key ``pitch`` in the object of the key ``extrinsic``.
     """
-    try:
-        content = document.json
-    except CalibrationError:
+    if not document.is_json:
         return "not JSON"
-    if not isinstance(content, Mapping):
+    if not isinstance(document.json, Mapping):
         return "no JSON object"
-    lacks = [repr(key) for key in keys if not _has(content, key.split("."))]
+    lacks = [repr(key) for key in keys if not _has(document.json, key.split("."))]
     return f"no key {', '.join(lacks)}" if lacks else None
 
 

@@ -29,6 +29,7 @@ TITLE = "Argoverse 2"
 
 _INTRINSICS, _POSES = "intrinsics", "egovehicle_SE3_sensor"
 _NUMBERS = ("fx_px", "fy_px", "cx_px", "cy_px", "width_px", "height_px")
+_MAX_BYTES, _MAX_ROWS = 1 << 20, 1000  # the dataset's have 4 kB and 11 rows
 _POSE = ("qw", "qx", "qy", "qz", "tx_m", "ty_m", "tz_m")
 
 
@@ -135,20 +136,24 @@ def _feather(path: str) -> list[dict[str, Any]]:
     """Rows of a feather file."""
     document = Document(path, TITLE)
     data = document.data  # bounded, and with our errors
+    if len(data) > _MAX_BYTES:
+        raise CalibrationError(
+            f"{path}: expected a table of a few sensors, got {len(data)} bytes; pass the log's directory calibration"
+        )
     try:
-        from pyarrow import BufferReader, feather
+        from pyarrow import BufferReader, ipc
     except ImportError as error:
         raise MissingExtraError(
             f"{path}: expected pyarrow to read feather files, found none; pip install 'ipm-rs[arrow]', or pass the "
             "rows as mappings"
         ) from error
     try:
-        rows: list[dict[str, Any]] = feather.read_table(BufferReader(data)).to_pylist()
-    except MemoryError:
-        raise
-    except (
-        Exception
-    ) as error:  # damaged files make pyarrow raise ArrowInvalid, OSError, KeyError, UnicodeDecodeError, ...
+        table = ipc.open_file(BufferReader(data)).read_all()
+        table.validate(full=True)  # what a damaged file says of its lengths must not reach the memory behind it
+        if table.num_rows > _MAX_ROWS:
+            raise ValueError(f"{table.num_rows} rows")
+        rows: list[dict[str, Any]] = table.to_pylist()
+    except Exception as error:  # damaged files make pyarrow raise ArrowInvalid, OSError, KeyError, MemoryError, ...
         raise CalibrationError(
             f"{path}: expected a feather file, got: {str(error)[:200]}; it may be cut short, fetch it again"
         ) from error

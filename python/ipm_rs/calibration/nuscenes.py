@@ -100,7 +100,7 @@ def missing(document: Document) -> str | None:
     """Say what a document lacks to be of this format."""
     if document.is_directory:
         return None if (document.path / _TABLE).is_file() else f"no {_TABLE} in it"
-    if isinstance(document.json, list):
+    if document.is_json and isinstance(document.json, list):
         first = document.json[0] if document.json else None
         complete = isinstance(first, Mapping) and all(key in first for key in _KEYS)
         return None if complete else f"no list of records with {', '.join(_KEYS)}"

@@ -10,7 +10,8 @@ bottoms of labelled boxes gave -0.15 in one frame. Pixel (0, 0) is read as the c
 say. The rolling shutter (some tenths of a pixel) is not modelled.
 
 The dataset's files are TensorFlow records, which this package does not read: convert the calibration with
-``google.protobuf.json_format.MessageToDict(calibration)`` (or ``frame.context``, which has ``cameraCalibrations``), or
+``google.protobuf.json_format.MessageToDict(calibration)`` (or ``frame.context``, which has ``cameraCalibrations``),
+pass the ``CameraCalibration`` message itself, or
 give a row of the ``camera_calibration`` parquet table, whose column names begin with ``[CameraCalibrationComponent].``.
 """
 
@@ -44,8 +45,9 @@ def read(
 
     Parameters
     ----------
-    source : path, mapping or sequence
-        A JSON file or its content: one calibration, a list of them, or a context with ``cameraCalibrations``.
+    source : path, mapping, sequence or message
+        A JSON file or its content: one calibration, a list of them, or a context with ``cameraCalibrations``; or a
+        ``CameraCalibration`` message, or a list of these.
     camera : str or int, optional
         The name, "FRONT", or its number; not needed for one calibration.
 
@@ -89,6 +91,8 @@ def read(
 
 def missing(document: Document) -> str | None:
     """Say what a document lacks to be of this format."""
+    if not document.is_json:
+        return "not JSON"
     content = document.json
     if isinstance(content, Mapping):
         content = next((content[key] for key in _LISTS if key in content), content)
@@ -108,8 +112,10 @@ def _choose(source: Any, camera: Any) -> Section:
     """One calibration among those of the source."""
     if camera is not None and (isinstance(camera, bool) or not isinstance(camera, (str, int))):
         raise ArgumentTypeError(f"camera: expected a name or a number, got {describe(camera)}; pass 'FRONT'")
-    origin, content = f"{TITLE} calibration", source
-    if not isinstance(source, (Mapping, list, tuple)):
+    origin, content = f"{TITLE} calibration", _message(source)
+    if isinstance(content, (list, tuple)):
+        content = [_message(value) for value in content]
+    if not isinstance(content, (Mapping, list, tuple)):
         document = open_document(source, TITLE, or_mapping=True)
         origin, content = document.origin, document.json
     path = ""
@@ -131,6 +137,22 @@ def _choose(source: Any, camera: Any) -> Section:
         got = "none" if camera is None else f"{camera!r}" + (f", which {len(found)} have" if found else "")
         raise ArgumentError(f"camera: expected one of {origin}, got {got}; pass one of {listed(map(str, names))}")
     return found[0]
+
+
+def _message(source: Any) -> Any:
+    """Fields of a protobuf message; anything else as it is."""
+    fields = ("name", "intrinsic", "extrinsic", "width", "height")
+    if isinstance(source, Mapping) or not all(hasattr(source, field) for field in fields):
+        return source
+    try:
+        intrinsic, transform = list(source.intrinsic), list(source.extrinsic.transform)
+    except (AttributeError, TypeError) as error:
+        raise ArgumentTypeError(
+            f"source: expected a CameraCalibration message, got {type(source).__name__} whose fields differ ({error}); "
+            "pass its fields as a mapping"
+        ) from error
+    plain = {field: getattr(source, field) for field in ("name", "width", "height")}
+    return {**plain, "intrinsic": intrinsic, "extrinsic": {"transform": transform}}
 
 
 def _name(place: Section) -> str | None:
