@@ -36,6 +36,16 @@ pub enum Error {
         /// What came.
         got: String,
     },
+    /// Points or lines that do not determine what was asked for.
+    #[error("{what}: expected {expected}, got {got}")]
+    Points {
+        /// The parameter's name.
+        what: &'static str,
+        /// Which condition fails.
+        expected: &'static str,
+        /// What came.
+        got: String,
+    },
     /// An intrinsic matrix that is no pinhole matrix.
     #[error(
         "K: expected [[fx, skew, cx], [0, fy, cy], [0, 0, 1]] with finite entries and fx, fy > 0, got {got:?} ({problem})"
@@ -97,6 +107,34 @@ pub enum Error {
         width: u32,
         /// Rows of the image.
         height: u32,
+    },
+    /// Blocks of pixels that an image has none of.
+    #[error("binned: expected blocks of at least 1 x 1 pixel that fit the {width} x {height} image, got {x} x {y}")]
+    Binning {
+        /// Columns of a block.
+        x: u64,
+        /// Rows of a block.
+        y: u64,
+        /// Columns of the image.
+        width: u32,
+        /// Rows of the image.
+        height: u32,
+    },
+    /// A margin or a tolerance that no curve can be drawn with.
+    #[error(
+        "margin, tolerance: expected a margin of at least 0 and a tolerance of at least 0.001 pixel, got {margin} and {tolerance}"
+    )]
+    Tracing {
+        /// Pixels around the image.
+        margin: f64,
+        /// Pixels from the curve.
+        tolerance: f64,
+    },
+    /// A line that a lens bends.
+    #[error("horizon_line: expected a pinhole camera, got one behind {lens}, which bends the horizon; use horizon()")]
+    Horizon {
+        /// The lens model's name.
+        lens: &'static str,
     },
     /// A rotation that is not one.
     #[error(

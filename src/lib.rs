@@ -35,7 +35,8 @@ pub mod raster;
 pub mod warp;
 
 pub use camera::{
-    BrownConrady, Camera, DoubleSphere, Eucm, KannalaBrandt, Lens, Mei, Ocam, Pinhole, Projection, RadialPolynomial,
+    Binning, BrownConrady, Camera, DoubleSphere, Eucm, KannalaBrandt, Lens, Mei, Ocam, Pinhole, Projection,
+    RadialPolynomial, RangeError,
 };
 pub use cpu::{Isa, cpu_features};
 pub use error::{Error, Result};

@@ -34,12 +34,14 @@ from ipm_rs._core import (
     flip_handedness_pose,
     flip_handedness_rotation,
     get_num_threads,
+    homography_from_points,
     points_from_depth,
     rasterize,
     remap,
     render_points,
     rotation_from_euler,
     set_num_threads,
+    vanishing_point,
     warp_perspective,
 )
 from ipm_rs.errors import (
@@ -96,6 +98,7 @@ __all__ = [
     "flip_handedness_pose",
     "flip_handedness_rotation",
     "get_num_threads",
+    "homography_from_points",
     "points_from_depth",
     "rasterize",
     "reference",
@@ -103,5 +106,6 @@ __all__ = [
     "render_points",
     "rotation_from_euler",
     "set_num_threads",
+    "vanishing_point",
     "warp_perspective",
 ]

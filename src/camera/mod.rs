@@ -1,11 +1,19 @@
 //! A calibrated camera: intrinsics, lens model, image size and pose.
 
+mod horizon;
 pub(crate) mod lens;
 mod on_ground;
 mod pinhole;
+mod polyline;
+mod range;
+mod trace;
+mod vanishing;
+mod views;
 
 pub use lens::{BrownConrady, DoubleSphere, Eucm, KannalaBrandt, Lens, Mei, Ocam, RadialPolynomial};
 pub use pinhole::Pinhole;
+pub use range::RangeError;
+pub use views::Binning;
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -117,13 +125,17 @@ impl Camera {
     /// Where a point of the vehicle frame falls on the image.
     pub fn project(&self, point: &Vector3<f64>) -> Projection {
         let in_camera = self.camera_from_vehicle.transform(point);
-        let pixel = match &self.lens {
-            None => self.model.project(&in_camera),
-            Some(lens) => lens.project(&in_camera).and_then(|seen| self.model.pixel(seen)),
-        };
-        match pixel {
+        match self.pixel_of(&in_camera) {
             Some(pixel) => Projection { pixel, depth: in_camera.z, valid: self.sees(pixel) },
             None => Projection { pixel: [f64::NAN; 2], depth: in_camera.z, valid: false },
+        }
+    }
+
+    /// The pixel of a point of the camera frame.
+    fn pixel_of(&self, in_camera: &Vector3<f64>) -> Option<[f64; 2]> {
+        match &self.lens {
+            None => self.model.project(in_camera),
+            Some(lens) => lens.project(in_camera).and_then(|seen| self.model.pixel(seen)),
         }
     }
 
@@ -176,6 +188,11 @@ impl Camera {
         Ok(Self { model, image_size: (width, height), ..*self })
     }
 
+    /// The same camera with other intrinsics and another image size.
+    fn with_image(&self, model: Pinhole, image_size: (u32, u32)) -> Self {
+        Self { model, image_size, ..*self }
+    }
+
     /// The same camera elsewhere.
     pub fn with_pose(&self, camera_from_vehicle: Pose) -> Self {
         Self { camera_from_vehicle, vehicle_from_camera: camera_from_vehicle.inverse(), ..*self }
@@ -222,6 +239,16 @@ impl std::fmt::Display for Camera {
         self.lens.as_ref().map_or(Ok(()), |lens| write!(f, ", {lens}"))?;
         write!(f, ")")
     }
+}
+
+/// Refuses a margin or a tolerance that no curve can be drawn with.
+fn check_tracing(margin: f64, tolerance: f64) -> Result<()> {
+    /// Pixels; finer than any picture, and coarser than rounding.
+    const FINEST: f64 = 1e-3;
+    if margin >= 0.0 && margin.is_finite() && tolerance >= FINEST && tolerance.is_finite() {
+        return Ok(());
+    }
+    Err(Error::Tracing { margin, tolerance })
 }
 
 /// Refuses an image with no pixels, and one whose pixels with a frame of one pixel around do not fit 32 bits: tables

@@ -85,6 +85,13 @@ impl Pinhole {
         }
     }
 
+    /// The intrinsics of an image turned over (-1) along an axis of so many pixels, and not (1) along another.
+    pub(super) fn turned(&self, [(x, width), (y, height)]: [(f64, u32); 2]) -> Self {
+        let over =
+            |centre: f64, sign: f64, pixels: u32| if sign < 0.0 { f64::from(pixels - 1) - centre } else { centre };
+        Self { cx: over(self.cx, x, width), cy: over(self.cy, y, height), skew: self.skew * x * y, ..*self }
+    }
+
     /// The intrinsics after the image's origin moved.
     pub(super) fn shifted(&self, dx: f64, dy: f64) -> Self {
         Self { cx: self.cx + dx, cy: self.cy + dy, ..*self }

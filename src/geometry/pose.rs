@@ -72,6 +72,13 @@ impl Pose {
         Self { rotation, translation: -(rotation * self.translation) }
     }
 
+    /// The transform between frames whose axes are turned over (-1) or not (1); of the six signs an even number is -1.
+    pub(crate) fn with_axes(&self, dst: [f64; 3], src: [f64; 3]) -> Self {
+        let (dst, src) = (Vector3::from(dst), Vector3::from(src));
+        let rotation = Matrix3::from_fn(|row, column| dst[row] * self.rotation[(row, column)] * src[column]);
+        Self { rotation, translation: dst.component_mul(&self.translation) }
+    }
+
     /// The transform with both parts replaced by maps that keep it rigid.
     pub(super) fn map(
         &self,

@@ -1,6 +1,7 @@
 //! The look-up table between a grid and an image: built once, used for every frame.
 
 mod build;
+mod cells;
 mod io;
 pub(crate) mod kernels;
 mod maps;

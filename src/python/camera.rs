@@ -10,8 +10,8 @@ use super::cloud;
 use super::convert::{
     Floats, Reduced, float, floats, matrix_to_numpy, matrix3, matrix4, rebuilt_by_new, rows_to_numpy, size, whole,
 };
-use super::error::classes::{ArgumentError, CalibrationError};
-use super::ground::road;
+use super::error::classes::CalibrationError;
+use super::ground::{only_ground, road};
 use super::lens::{hash_lens, lens as lens_model, lens_to_python};
 use super::options::thread_count;
 use super::points::PointsArray;
@@ -140,15 +140,10 @@ impl PyCamera {
         let threads = threads.map(|threads| thread_count("threads", threads)).transpose()?;
         let points = PointsArray::new("points", points, 2..=3, "an (N, 3), or (N, 2) on the ground,")?;
         let on_ground = points.columns() == 2;
-        if ground.is_some() && !on_ground {
-            return Err(ArgumentError::new_err(
-                "ground: expected only with (N, 2) points, got points that have their own height; drop one of the two",
-            ));
-        }
+        let ground = only_ground(ground, on_ground)?;
         if !on_ground {
             return cloud::project(py, &self.camera, &points, threads);
         }
-        let ground = road(ground)?;
         let floats = Floats::new("points", "an (N, 2) array", points.array())?;
         let rows = floats.rows::<2>("points")?;
         let projections: Vec<Projection> =

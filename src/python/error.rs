@@ -50,6 +50,10 @@ impl From<Error> for PyErr {
             Error::Ground { .. }
             | Error::Plane { .. }
             | Error::HeightMap { .. }
+            | Error::Points { .. }
+            | Error::Binning { .. }
+            | Error::Tracing { .. }
+            | Error::Horizon { .. }
             | Error::ImageSize { .. }
             | Error::Crop { .. }
             | Error::BorderChannels { .. }

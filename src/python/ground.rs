@@ -9,7 +9,7 @@ use pyo3::types::{PyDict, PyTuple, PyType};
 
 use super::convert::{Floats, Reduced, float, floats, rebuilt_by_new, tuple_text, type_name};
 use super::error::classes::{ArgumentError, ArgumentTypeError};
-use super::grid::PyBevGrid;
+use super::ground_points::bev_grid;
 use crate::{Ground, HeightMap, Plane};
 
 /// A plane road: any but an upright one.
@@ -122,11 +122,7 @@ impl PyHeightMap {
     /// Heights at the samples of a grid, in its order.
     #[classmethod]
     fn on_grid(_cls: &Bound<'_, PyType>, heights: &Bound<'_, PyAny>, grid: &Bound<'_, PyAny>) -> PyResult<Self> {
-        let Ok(grid) = grid.cast::<PyBevGrid>() else {
-            let message = format!("grid: expected an ipm_rs.BevGrid, got {}", type_name(grid));
-            return Err(ArgumentTypeError::new_err(message));
-        };
-        let grid = &grid.get().grid;
+        let grid = &bev_grid(grid)?.grid;
         let expected = [grid.rows(), grid.columns()];
         let got = Floats::new("heights", "a (rows, columns) array", heights)?;
         if got.shape() != expected {
@@ -214,6 +210,28 @@ pub(super) fn road(ground: Option<&Bound<'_, PyAny>>) -> PyResult<Ground> {
         ArgumentTypeError::new_err(format!("ground: expected {expected}, got {got}"))
     })?;
     Ok(Ground::height(height)?)
+}
+
+/// The road under (N, 2) points; refused with points that have their own height.
+pub(super) fn only_ground(ground: Option<&Bound<'_, PyAny>>, on_ground: bool) -> PyResult<Ground> {
+    if ground.is_some_and(|ground| !ground.is_none()) && !on_ground {
+        return Err(ArgumentError::new_err(
+            "ground: expected only with (N, 2) points, got points that have their own height; drop one of the two",
+        ));
+    }
+    road(ground.filter(|ground| !ground.is_none()))
+}
+
+/// A road that has a horizon: a height or a plane.
+pub(super) fn plane_of(ground: Option<&Bound<'_, PyAny>>) -> PyResult<Plane> {
+    match road(ground)? {
+        Ground::Plane(plane) => Ok(plane),
+        Ground::HeightMap(_) => {
+            let message =
+                "ground: expected a height in metres or an ipm_rs.Plane, got HeightMap, which has no one horizon";
+            Err(ArgumentTypeError::new_err(message))
+        }
+    }
 }
 
 fn heights_at<'py>(ground: &Ground, xy: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArray1<f64>>> {

@@ -20,7 +20,7 @@ use crate::{Bilinear, Error, ImageView, ImageViewMut, Interpolation, Lut, Sample
 #[pyclass(frozen, eq, module = "ipm_rs", name = "Lut")]
 #[derive(PartialEq)]
 pub(super) struct PyLut {
-    lut: Lut,
+    pub(super) lut: Lut,
 }
 
 #[pymethods]

@@ -16,6 +16,7 @@
 //! another thread does so at its own risk, as with NumPy itself.
 
 mod camera;
+mod camera_geometry;
 mod camera_readers;
 mod cloud;
 mod convert;
@@ -24,6 +25,7 @@ mod error;
 mod geometry;
 mod grid;
 mod ground;
+mod ground_points;
 mod image;
 mod layout;
 mod lens;
@@ -57,6 +59,8 @@ mod core_module {
     use super::grid::PyBevGrid;
     #[pymodule_export]
     use super::ground::{PyHeightMap, PyPlane};
+    #[pymodule_export]
+    use super::ground_points::{homography_from_points, vanishing_point};
     #[pymodule_export]
     use super::lens::{PyBrownConrady, PyDoubleSphere, PyEucm, PyKannalaBrandt, PyMei, PyOcam, PyRadialPolynomial};
     #[pymodule_export]

@@ -1,0 +1,202 @@
+//! Images of curves, as polylines that stay within a tolerance of them.
+
+/// A pixel.
+pub(super) type Pixel = [f64; 2];
+
+/// Halvings after which a curve is taken for a point: 2^-44 of its way.
+const DEEPEST: u32 = 44;
+
+/// Pixels beyond the image up to which a straight line is drawn as it is; farther ends would cost the digits of what is
+/// cut from it.
+const FAR: f64 = 1e7;
+
+/// Gathers the image of a curve: clips it to a rectangle, and cuts it where there is no image.
+pub(super) struct Tracer {
+    low: Pixel,
+    high: Pixel,
+    tolerance: f64,
+    pieces: Vec<Vec<Pixel>>,
+    /// Whether the next line may go on with the last piece.
+    open: bool,
+}
+
+impl Tracer {
+    /// For an image of so many pixels with a margin around the rectangle of their centres.
+    pub(super) fn new((width, height): (u32, u32), margin: f64, tolerance: f64) -> Self {
+        let high = [f64::from(width - 1) + margin, f64::from(height - 1) + margin];
+        Self { low: [-margin; 2], high, tolerance, pieces: Vec::new(), open: false }
+    }
+
+    /// What was gathered: polylines of two points or more.
+    pub(super) fn finish(self) -> Vec<Vec<Pixel>> {
+        self.pieces
+    }
+
+    /// Gathers a curve from t = 0 to t = 1 whose image bends by no more than it can in so many equal parts. `image` is
+    /// continuous but for where there is none.
+    pub(super) fn curve(&mut self, parts: usize, image: &impl Fn(f64) -> Option<Pixel>) {
+        let mut start = (0.0, image(0.0));
+        for part in 1..=parts {
+            let t = if part == parts { 1.0 } else { part as f64 / parts as f64 };
+            let end = (t, image(t));
+            self.part(start, end, DEEPEST, image);
+            start = end;
+        }
+    }
+
+    /// Gathers a curve whose image is straight: of its inner points, which only guard against numbers too large to be
+    /// clipped, none is kept.
+    pub(super) fn straight(&mut self, image: &impl Fn(f64) -> Option<Pixel>) {
+        let (pieces, points) = (self.pieces.len(), self.pieces.last().map_or(0, Vec::len));
+        self.curve(1, image);
+        for (index, piece) in self.pieces.iter_mut().enumerate().skip(pieces.saturating_sub(1)) {
+            let first = if index + 1 == pieces { points } else { 1 };
+            if piece.len() > first + 1 {
+                piece.drain(first..piece.len() - 1);
+            }
+        }
+    }
+
+    /// Ends the piece: what follows begins a new one.
+    pub(super) fn cut(&mut self) {
+        self.open = false;
+    }
+
+    fn part(
+        &mut self,
+        start: (f64, Option<Pixel>),
+        end: (f64, Option<Pixel>),
+        depth: u32,
+        image: &impl Fn(f64) -> Option<Pixel>,
+    ) {
+        let at = |part: f64| start.0 + (end.0 - start.0) * part;
+        let between = [0.25, 0.5, 0.75].map(|part| image(at(part)));
+        if let (Some(a), Some(b), [Some(p), Some(q), Some(r)]) = (start.1, end.1, between) {
+            if self.misses([a, p, q, r, b]) {
+                self.open = false;
+                return;
+            }
+            let straight = [p, q, r].iter().all(|point| from_line(point, &a, &b) <= self.tolerance);
+            let near = [a, b].as_flattened().iter().all(|coordinate| coordinate.abs() <= FAR);
+            if (straight && near) || depth == 0 {
+                self.line(a, b);
+                return;
+            }
+        } else if depth == 0 || (start.1.is_none() && end.1.is_none() && between.iter().all(Option::is_none)) {
+            self.open = false;
+            return;
+        }
+        let middle = (at(0.5), between[1]);
+        self.part(start, middle, depth - 1, image);
+        self.part(middle, end, depth - 1, image);
+    }
+
+    /// Whether points all lie beyond one side of the rectangle.
+    fn misses(&self, points: [Pixel; 5]) -> bool {
+        (0..2).any(|axis| {
+            points.iter().all(|point| point[axis] < self.low[axis])
+                || points.iter().all(|point| point[axis] > self.high[axis])
+        })
+    }
+
+    /// Gathers a straight line (Liang and Barsky's clipping).
+    pub(super) fn line(&mut self, a: Pixel, b: Pixel) {
+        let (mut from, mut to) = (0.0_f64, 1.0_f64);
+        for axis in 0..2 {
+            let length = b[axis] - a[axis];
+            for (sign, edge) in [(1.0, self.low[axis] - a[axis]), (-1.0, a[axis] - self.high[axis])] {
+                let (length, edge) = (sign * length, edge);
+                // inside where length t >= edge
+                if length > 0.0 {
+                    from = from.max(edge / length);
+                } else if length < 0.0 {
+                    to = to.min(edge / length);
+                } else if edge > 0.0 {
+                    to = f64::NEG_INFINITY;
+                }
+            }
+        }
+        if !(from <= to) {
+            self.open = false;
+            return;
+        }
+        let at = |t: f64| {
+            let point = [0, 1].map(|axis| a[axis] + (b[axis] - a[axis]) * t);
+            // rounding must not put it outside
+            [0, 1].map(|axis| point[axis].clamp(self.low[axis], self.high[axis]))
+        };
+        let (start, end) = (if from > 0.0 { at(from) } else { a }, if to < 1.0 { at(to) } else { b });
+        match self.pieces.last_mut() {
+            Some(piece) if self.open && piece.last() == Some(&start) => {
+                if end != start {
+                    piece.push(end);
+                }
+            }
+            // what only touches a corner is no line
+            _ if end != start => self.pieces.push(vec![start, end]),
+            _ => {}
+        }
+        self.open = to >= 1.0;
+    }
+}
+
+/// Distance of a point from the line between two others.
+fn from_line(point: &Pixel, a: &Pixel, b: &Pixel) -> f64 {
+    let (along, to) = ([b[0] - a[0], b[1] - a[1]], [point[0] - a[0], point[1] - a[1]]);
+    let square = along[0] * along[0] + along[1] * along[1];
+    let t = if square > 0.0 { ((to[0] * along[0] + to[1] * along[1]) / square).clamp(0.0, 1.0) } else { 0.0 };
+    (to[0] - along[0] * t).hypot(to[1] - along[1] * t)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn traced(margin: f64, curve: impl Fn(f64) -> Option<Pixel>, parts: usize) -> Vec<Vec<Pixel>> {
+        let mut tracer = Tracer::new((101, 51), margin, 0.1);
+        tracer.curve(parts, &curve);
+        tracer.finish()
+    }
+
+    #[test]
+    fn lines_are_clipped_to_the_rectangle() {
+        assert_eq!(traced(0.0, |t| Some([10.0 + 20.0 * t, 20.0]), 1), [[[10.0, 20.0], [30.0, 20.0]]]);
+        assert_eq!(traced(0.0, |t| Some([-50.0 + 200.0 * t, 25.0]), 1), [[[0.0, 25.0], [100.0, 25.0]]]);
+        assert_eq!(traced(2.0, |t| Some([-50.0 + 200.0 * t, 25.0]), 1), [[[-2.0, 25.0], [102.0, 25.0]]]);
+        assert!(traced(0.0, |t| Some([-50.0 + 200.0 * t, 60.0]), 1).is_empty());
+        // past the corner
+        assert!(traced(0.0, |t| Some([-30.0 + 60.0 * t, 70.0 - 60.0 * t + 40.0]), 1).is_empty());
+        assert_eq!(traced(0.0, |t| Some([20.0, 100.0 * t]), 3).len(), 1);
+    }
+
+    #[test]
+    fn a_curve_stays_within_the_tolerance_and_comes_back_in_pieces() {
+        let circle = |t: f64| {
+            let (sin, cos) = (t * std::f64::consts::TAU).sin_cos();
+            [50.0 + 40.0 * cos, 25.0 + 40.0 * sin]
+        };
+        let pieces = traced(0.0, |t| Some(circle(t)), 8);
+        // its upper and its lower cap lie outside: right arc, left arc, right arc
+        assert_eq!(pieces.len(), 3);
+        assert!(pieces.iter().flatten().all(|p| p[1] >= 0.0 && p[1] <= 50.0));
+        for k in 0..5000 {
+            let point = circle(f64::from(k) / 5000.0);
+            if point[1] > 0.0 && point[1] < 50.0 {
+                let nearest = pieces.iter().flat_map(|piece| piece.windows(2)).map(|w| from_line(&point, &w[0], &w[1]));
+                assert!(nearest.fold(f64::INFINITY, f64::min) <= 0.1);
+            }
+        }
+    }
+
+    #[test]
+    fn where_there_is_no_image_it_is_cut_and_what_runs_off_to_infinity_is_clipped() {
+        let pieces = traced(0.0, |t| (t < 0.3 || t > 0.6).then_some([100.0 * t, 10.0]), 10);
+        assert_eq!(pieces.len(), 2);
+        assert!((pieces[0].last().unwrap()[0] - 30.0).abs() < 1e-6);
+        assert!((pieces[1][0][0] - 60.0).abs() < 1e-6);
+        // a line that comes towards the camera's plane at t = 0.5
+        let pieces = traced(0.0, |t| (t < 0.5).then(|| [50.0, 10.0 + 1.0 / (0.5 - t)]), 1);
+        assert_eq!(pieces.len(), 1);
+        assert!((pieces[0].last().unwrap()[1] - 50.0).abs() < 1e-6, "{pieces:?}");
+    }
+}

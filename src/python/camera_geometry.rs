@@ -1,0 +1,254 @@
+//! `Camera`: derived cameras, cells, polylines, the horizon, ranges.
+
+use nalgebra::Vector3;
+use numpy::{PyArray1, PyArray2};
+use pyo3::prelude::*;
+use pyo3::types::PyType;
+
+use super::camera::PyCamera;
+use super::convert::{Floats, flag, float, floats, rows_to_numpy, size, type_name, whole};
+use super::error::classes::{ArgumentError, ArgumentTypeError};
+use super::ground::{only_ground, plane_of, road};
+use super::ground_points::bev_grid;
+use super::lens::lens as lens_model;
+use crate::{Binning, Camera, Pinhole, Projection};
+
+/// One pixel, in degrees of pitch that are as hard to keep.
+const DEFAULT_PITCH: f64 = 0.1;
+
+#[pymethods]
+impl PyCamera {
+    /// A camera from the pixel where lane markings meet, its height and its focal length.
+    #[classmethod]
+    #[pyo3(
+        signature = (vanishing_point, *, image_size, focal_length, height, principal_point = None, roll = None, x = None, y = None, lens = None),
+        text_signature = "(vanishing_point, *, image_size, focal_length, height, principal_point=None, roll=0.0, x=0.0, y=0.0, lens=None)"
+    )]
+    #[expect(clippy::too_many_arguments, reason = "keyword-only, each with one meaning")]
+    fn from_vanishing_point(
+        _cls: &Bound<'_, PyType>,
+        vanishing_point: &Bound<'_, PyAny>,
+        image_size: &Bound<'_, PyAny>,
+        focal_length: &Bound<'_, PyAny>,
+        height: &Bound<'_, PyAny>,
+        principal_point: Option<&Bound<'_, PyAny>>,
+        roll: Option<&Bound<'_, PyAny>>,
+        x: Option<&Bound<'_, PyAny>>,
+        y: Option<&Bound<'_, PyAny>>,
+        lens: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        let number = |name, object: Option<&Bound<'_, PyAny>>| object.map_or(Ok(0.0), |object| float(name, object));
+        let vanishing_point = floats::<2>("vanishing_point", "(u, v) in pixels", vanishing_point)?;
+        let (width, height_px) = size("image_size", image_size)?;
+        let [fx, fy] = match focal_length.extract::<f64>() {
+            Ok(_) => [float("focal_length", focal_length)?; 2],
+            Err(_) => floats("focal_length", "pixels, or (fx, fy)", focal_length)?,
+        };
+        let centre = |pixels: u32| (f64::from(pixels) - 1.0) / 2.0;
+        let [cx, cy] = principal_point.map_or(Ok([centre(width), centre(height_px)]), |object| {
+            floats("principal_point", "(cx, cy) in pixels", object)
+        })?;
+        let position = [number("x", x)?, number("y", y)?, float("height", height)?];
+        let model = Pinhole::new(fx, fy, cx, cy, 0.0)?;
+        let (lens, roll) = (lens_model(lens)?, number("roll", roll)?);
+        let size = (width, height_px);
+        Ok(Self { camera: Camera::from_vanishing_point(model, lens, size, vanishing_point, position, roll)? })
+    }
+
+    /// The camera of the image whose blocks of x x y pixels became one.
+    #[pyo3(signature = (x, y = None, *, rule = None), text_signature = "(self, x, y=None, *, rule='area')")]
+    fn binned(
+        &self,
+        x: &Bound<'_, PyAny>,
+        y: Option<&Bound<'_, PyAny>>,
+        rule: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        let columns = whole("x", x)?;
+        let rows = y.map_or(Ok(columns), |y| whole("y", y))?;
+        let rule = match rule {
+            None => Binning::Area,
+            Some(rule) => match rule.extract::<String>().as_deref() {
+                Ok("area") => Binning::Area,
+                Ok("first_pixel") => Binning::FirstPixel,
+                Ok(other) => {
+                    let message = format!("rule: expected \"area\" or \"first_pixel\", got {other:?}");
+                    return Err(ArgumentError::new_err(message));
+                }
+                Err(_) => {
+                    let message = format!("rule: expected \"area\" or \"first_pixel\", got {}", type_name(rule));
+                    return Err(ArgumentTypeError::new_err(message));
+                }
+            },
+        };
+        Ok(Self { camera: self.camera.binned(columns, rows, rule)? })
+    }
+
+    /// The camera of `image[::-1, ::-1]`.
+    fn rotated180(&self) -> Self {
+        Self { camera: self.camera.rotated180() }
+    }
+
+    /// The camera of `image[:, ::-1]` in the mirrored world, y to -y.
+    fn mirrored(&self) -> Self {
+        Self { camera: self.camera.mirrored() }
+    }
+
+    /// Cells (row, column) to the pixels that a table samples for them, depth and validity.
+    #[pyo3(signature = (rc, grid, *, ground = None), text_signature = "(self, rc, grid, *, ground=0.0)")]
+    #[expect(clippy::type_complexity, reason = "(uv, depth, valid)")]
+    fn pixels_from_cells<'py>(
+        &self,
+        rc: &Bound<'py, PyAny>,
+        grid: &Bound<'py, PyAny>,
+        ground: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<bool>>)> {
+        let py = rc.py();
+        let (grid, ground) = (bev_grid(grid)?, road(ground)?);
+        let floats = Floats::new("rc", "an (N, 2) array", rc)?;
+        let rows = floats.rows::<2>("rc")?;
+        let projections: Vec<Projection> =
+            py.detach(|| rows.iter().map(|&cell| self.camera.project_cell(cell, &grid.grid, &ground)).collect());
+        let uv = rows_to_numpy(py, projections.iter().map(|projection| projection.pixel).collect())?;
+        let depth = PyArray1::from_iter(py, projections.iter().map(|projection| projection.depth));
+        let valid = PyArray1::from_iter(py, projections.iter().map(|projection| projection.valid));
+        Ok((uv, depth, valid))
+    }
+
+    /// Pixels to the cells (row, column) that show what they see; NaN where they see no road.
+    #[pyo3(signature = (uv, grid, *, ground = None), text_signature = "(self, uv, grid, *, ground=0.0)")]
+    fn cells_from_pixels<'py>(
+        &self,
+        uv: &Bound<'py, PyAny>,
+        grid: &Bound<'py, PyAny>,
+        ground: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let (grid, ground) = (bev_grid(grid)?, road(ground)?);
+        let floats = Floats::new("uv", "an (N, 2) array", uv)?;
+        let rows = floats.rows::<2>("uv")?;
+        let cells = uv.py().detach(|| {
+            let cell = |&pixel| self.camera.cell_from_pixel(pixel, &grid.grid, &ground).unwrap_or([f64::NAN; 2]);
+            rows.iter().map(cell).collect()
+        });
+        rows_to_numpy(uv.py(), cells)
+    }
+
+    /// A polyline of the vehicle frame, or of the road, as pieces in the image.
+    #[pyo3(
+        signature = (points, *, ground = None, closed = None, margin = None, tolerance = None),
+        text_signature = "(self, points, *, ground=None, closed=False, margin=0.0, tolerance=0.25)"
+    )]
+    fn project_polyline<'py>(
+        &self,
+        points: &Bound<'py, PyAny>,
+        ground: Option<&Bound<'py, PyAny>>,
+        closed: Option<&Bound<'py, PyAny>>,
+        margin: Option<&Bound<'py, PyAny>>,
+        tolerance: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Vec<Bound<'py, PyArray2<f64>>>> {
+        let py = points.py();
+        let floats = Floats::new("points", "an (N, 3) array, or (N, 2) on the ground,", points)?;
+        let on_ground = matches!(floats.shape(), [_, 2]);
+        let ground = only_ground(ground, on_ground)?;
+        let closed = closed.map_or(Ok(false), |closed| flag("closed", closed))?;
+        let margin = margin.map_or(Ok(0.0), |margin| float("margin", margin))?;
+        let tolerance = tolerance.map_or(Ok(TOLERANCE), |tolerance| float("tolerance", tolerance))?;
+        let pieces = if on_ground {
+            let points = ring(floats.rows::<2>("points")?, closed);
+            py.detach(|| self.camera.project_ground_polyline(&points, &ground, margin, tolerance))?
+        } else {
+            let points: Vec<_> = ring(floats.rows::<3>("points")?, closed).into_iter().map(Vector3::from).collect();
+            py.detach(|| self.camera.project_polyline(&points, margin, tolerance))?
+        };
+        pieces.into_iter().map(|piece| rows_to_numpy(py, piece)).collect()
+    }
+
+    /// The horizon of a level or a plane road, as pieces in the image.
+    #[pyo3(signature = (*, ground = None, tolerance = None), text_signature = "(self, *, ground=0.0, tolerance=0.25)")]
+    fn horizon<'py>(
+        &self,
+        py: Python<'py>,
+        ground: Option<&Bound<'py, PyAny>>,
+        tolerance: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Vec<Bound<'py, PyArray2<f64>>>> {
+        let plane = plane_of(ground)?;
+        let tolerance = tolerance.map_or(Ok(TOLERANCE), |tolerance| float("tolerance", tolerance))?;
+        let pieces = py.detach(|| self.camera.horizon(&plane, tolerance))?;
+        pieces.into_iter().map(|piece| rows_to_numpy(py, piece)).collect()
+    }
+
+    /// The horizon of a pinhole as (a, b, c), a u + b v + c = 0; None where it lies at infinity.
+    #[pyo3(signature = (*, ground = None), text_signature = "(self, *, ground=0.0)")]
+    fn horizon_line(&self, ground: Option<&Bound<'_, PyAny>>) -> PyResult<Option<(f64, f64, f64)>> {
+        Ok(self.camera.horizon_line(&plane_of(ground)?)?.map(Into::into))
+    }
+
+    /// Metres from the camera to the road point that a pixel sees, level; NaN where it sees none.
+    #[pyo3(signature = (uv, *, ground = None), text_signature = "(self, uv, *, ground=0.0)")]
+    fn ground_range<'py>(
+        &self,
+        uv: &Bound<'py, PyAny>,
+        ground: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        let ground = road(ground)?;
+        let floats = Floats::new("uv", "an (N, 2) array", uv)?;
+        let rows = floats.rows::<2>("uv")?;
+        let ranges = uv.py().detach(|| rows.iter().map(|&pixel| self.camera.ground_range(pixel, &ground)).collect());
+        Ok(PyArray1::from_vec(uv.py(), ranges))
+    }
+
+    /// `ground_range` of every row of the image, in one column.
+    #[pyo3(signature = (*, column = None, ground = None), text_signature = "(self, *, column=None, ground=0.0)")]
+    fn row_ranges<'py>(
+        &self,
+        py: Python<'py>,
+        column: Option<&Bound<'py, PyAny>>,
+        ground: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        let ground = road(ground)?;
+        let (width, height) = self.camera.image_size();
+        let column = column.map_or(Ok((f64::from(width) - 1.0) / 2.0), |column| float("column", column))?;
+        let ranges =
+            py.detach(|| (0..height).map(|row| self.camera.ground_range([column, f64::from(row)], &ground)).collect());
+        Ok(PyArray1::from_vec(py, ranges))
+    }
+
+    /// By how many metres ranges are off for a pixel that is off, and for a pitch that is.
+    #[pyo3(
+        signature = (uv, *, ground = None, pixel = None, pitch_deg = None),
+        text_signature = "(self, uv, *, ground=0.0, pixel=1.0, pitch_deg=0.1)"
+    )]
+    #[expect(clippy::type_complexity, reason = "(by_pixel, by_pitch)")]
+    fn range_error<'py>(
+        &self,
+        uv: &Bound<'py, PyAny>,
+        ground: Option<&Bound<'py, PyAny>>,
+        pixel: Option<&Bound<'py, PyAny>>,
+        pitch_deg: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<(Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<f64>>)> {
+        let py = uv.py();
+        let ground = road(ground)?;
+        let positive = |name, object: Option<&Bound<'_, PyAny>>, default| -> PyResult<f64> {
+            let value = object.map_or(Ok(default), |object| float(name, object))?;
+            if value >= 0.0 && value.is_finite() {
+                return Ok(value);
+            }
+            Err(ArgumentError::new_err(format!("{name}: expected a finite number of at least 0, got {value}")))
+        };
+        let pixels = positive("pixel", pixel, 1.0)?;
+        let pitch = positive("pitch_deg", pitch_deg, DEFAULT_PITCH)?.to_radians();
+        let floats = Floats::new("uv", "an (N, 2) array", uv)?;
+        let rows = floats.rows::<2>("uv")?;
+        let errors: Vec<_> =
+            py.detach(|| rows.iter().map(|&uv| self.camera.range_error(uv, &ground, pixels, pitch)).collect());
+        let by_pixel = PyArray1::from_iter(py, errors.iter().map(|error| error.pixel));
+        Ok((by_pixel, PyArray1::from_iter(py, errors.iter().map(|error| error.pitch))))
+    }
+}
+
+/// Pixels that an image of a curve may be off.
+const TOLERANCE: f64 = 0.25;
+
+/// The points, and the first again where they are closed.
+fn ring<const K: usize>(points: &[[f64; K]], closed: bool) -> Vec<[f64; K]> {
+    points.iter().chain(points.first().filter(|_| closed)).copied().collect()
+}

@@ -1,0 +1,73 @@
+//! What needs no calibration: homographies from points, vanishing points.
+
+use numpy::{PyArray1, PyArray2};
+use pyo3::prelude::*;
+use pyo3::types::PyType;
+
+use super::convert::{Floats, matrix_to_numpy, size, tuple_text, type_name};
+use super::error::classes::{ArgumentError, ArgumentTypeError};
+use super::grid::PyBevGrid;
+use super::lut::PyLut;
+use crate::{Lut, geometry};
+
+/// The homography from ground to image of four or more points, and how far off it is at each, in pixels.
+#[pyfunction]
+#[expect(clippy::type_complexity, reason = "(image_from_ground, errors)")]
+pub(super) fn homography_from_points<'py>(
+    image_points: &Bound<'py, PyAny>,
+    ground_points: &Bound<'py, PyAny>,
+) -> PyResult<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>)> {
+    let py = image_points.py();
+    let (image, ground) = pairs(image_points, ground_points)?;
+    let (image, ground) = (image.rows::<2>("image_points")?, ground.rows::<2>("ground_points")?);
+    let found = py.detach(|| geometry::homography_from_points(image, ground))?;
+    Ok((matrix_to_numpy(py, &found.image_from_ground)?, PyArray1::from_vec(py, found.errors)))
+}
+
+/// The pixel where lines meet.
+#[pyfunction]
+pub(super) fn vanishing_point(lines: &Bound<'_, PyAny>) -> PyResult<(f64, f64)> {
+    let floats = Floats::new("lines", "an (N, 2, 2) array", lines)?;
+    if !matches!(floats.shape(), [_, 2, 2]) {
+        let got = tuple_text(floats.shape());
+        let expected = "shape (N, 2, 2), two points (u, v) of each line";
+        return Err(ArgumentError::new_err(format!("lines: expected {expected}, got {got}")));
+    }
+    let lines = floats.values().as_chunks::<2>().0.as_chunks::<2>().0;
+    let [u, v] = geometry::vanishing_point(lines)?;
+    Ok((u, v))
+}
+
+#[pymethods]
+impl PyLut {
+    /// A table without a calibration, from points of the road and the pixels that see them.
+    #[classmethod]
+    #[pyo3(signature = (image_points, ground_points, grid, *, source_size))]
+    fn from_ground_points(
+        _cls: &Bound<'_, PyType>,
+        image_points: &Bound<'_, PyAny>,
+        ground_points: &Bound<'_, PyAny>,
+        grid: &Bound<'_, PyAny>,
+        source_size: &Bound<'_, PyAny>,
+    ) -> PyResult<Self> {
+        let py = grid.py();
+        let grid = bev_grid(grid)?;
+        let source_size = size("source_size", source_size)?;
+        let (image, ground) = pairs(image_points, ground_points)?;
+        let (image, ground) = (image.rows::<2>("image_points")?, ground.rows::<2>("ground_points")?);
+        let lut = py.detach(|| Lut::from_ground_points(image, ground, &grid.grid, source_size))?;
+        Ok(Self { lut })
+    }
+}
+
+/// A grid, and not something else.
+pub(super) fn bev_grid<'a>(grid: &'a Bound<'_, PyAny>) -> PyResult<&'a PyBevGrid> {
+    grid.cast::<PyBevGrid>()
+        .map(Bound::get)
+        .map_err(|_| ArgumentTypeError::new_err(format!("grid: expected an ipm_rs.BevGrid, got {}", type_name(grid))))
+}
+
+fn pairs<'py>(image: &Bound<'py, PyAny>, ground: &Bound<'py, PyAny>) -> PyResult<(Floats<'py>, Floats<'py>)> {
+    let image = Floats::new("image_points", "an (N, 2) array, (u, v) in pixels,", image)?;
+    Ok((image, Floats::new("ground_points", "an (N, 2) array, (x, y) in metres,", ground)?))
+}
