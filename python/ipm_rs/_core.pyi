@@ -34,12 +34,14 @@ __all__ = [
     "flip_handedness_pose",
     "flip_handedness_rotation",
     "get_num_threads",
+    "homography_from_points",
     "points_from_depth",
     "rasterize",
     "remap",
     "render_points",
     "rotation_from_euler",
     "set_num_threads",
+    "vanishing_point",
     "warp_perspective",
 ]
 
@@ -371,6 +373,41 @@ class Camera:
 
         Raises:
             CalibrationError: a number is not finite, or K is no pinhole matrix.
+        """
+    @classmethod
+    def from_vanishing_point(
+        cls,
+        vanishing_point: Sequence[float],
+        *,
+        image_size: Sequence[int],
+        focal_length: float | Sequence[float],
+        height: float,
+        principal_point: Sequence[float] | None = None,
+        roll: float = 0.0,
+        x: float = 0.0,
+        y: float = 0.0,
+        lens: BrownConrady | KannalaBrandt | Mei | DoubleSphere | Eucm | RadialPolynomial | Ocam | None = None,
+    ) -> Camera:
+        """A camera without a calibration of its pose: from the pixel where straight lane markings meet, and its height.
+
+        Markings that run along the vehicle's x axis meet where that axis points to; the direction of that pixel is the
+        camera's pitch and yaw. `ipm_rs.vanishing_point` finds it from marked lines. With w the direction in axes x
+        forward, y left, z up, `Rx(roll) w = (cos pitch cos yaw, -sin yaw, sin pitch cos yaw)`.
+
+        Args:
+            vanishing_point: (u, v) in pixels, also outside the image.
+            image_size: (width, height) in pixels.
+            focal_length: pixels, or (fx, fy).
+            height: of the optical centre above the vehicle's origin, metres.
+            principal_point: (cx, cy) in pixels; the middle of the image, ((w - 1) / 2, (h - 1) / 2), if not given.
+            roll: radians; positive lifts the left side. The vanishing point does not tell it.
+            x: of the optical centre ahead of the vehicle's origin, metres.
+            y: the same to the left.
+            lens: the lens model, None for a pinhole.
+
+        Raises:
+            CalibrationError: a number is not finite, or a focal length not positive.
+            ArgumentError: the lens has no direction for the vanishing point.
         """
     @classmethod
     def from_cityscapes(
@@ -808,6 +845,172 @@ class Camera:
         Raises:
             ArgumentError, ArgumentTypeError: the rectangle is empty or leaves the image.
         """
+    def binned(
+        self, x: int, y: int | None = None, *, rule: Literal["area", "first_pixel"] = "area"
+    ) -> Camera:
+        """The camera of the image of which each x x y block of pixels became one; `f' = f / b`.
+
+        A last block that is not whole is left out: 641 columns binned by 2 are 320.
+
+        Args:
+            x: columns of a block.
+            y: rows of a block, as many as columns if not given.
+            rule: where the block's centre lies. "area": in its middle, `c' = (c + 0.5) / b - 0.5`, where averaging or
+                summing pixels puts it. "first_pixel": at its first pixel, `c' = c / b`, where `image[::b, ::b]` puts it
+                and what ROS's CameraInfo prescribes for its binning.
+
+        Raises:
+            ArgumentError, ArgumentTypeError: a block without pixels, or larger than the image.
+        """
+    def rotated180(self) -> Camera:
+        """The camera of `image[::-1, ::-1]`: turned half a turn about its axis, as one that hangs upside down.
+
+        `c' = (w - 1 - cx, h - 1 - cy)`, `R' = diag(-1, -1, 1) R`; a lens that is not round turns with it.
+        """
+    def mirrored(self) -> Camera:
+        """The camera of `image[:, ::-1]` in the mirrored world: it sees at (x, -y, z) what this one sees at (x, y, z).
+
+        No camera takes a mirror image of the world as it is: its frame would be left-handed. So points, labels and the
+        bird's-eye view that go with a mirrored image are mirrored too, y to -y (`flip_handedness`). `image[::-1]` is
+        that of `camera.mirrored().rotated180()`.
+        """
+    def pixels_from_cells(
+        self, rc: ArrayLike, grid: BevGrid, *, ground: float | Plane | HeightMap = 0.0
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
+        """Cells of a grid to the pixels that `Lut(camera, grid, ground=ground)` samples for them.
+
+        Args:
+            rc: (N, 2) (row, column), whole at the samples, also between cells and outside the grid.
+            grid: the grid.
+            ground: the road, as for the table.
+
+        Returns:
+            (uv, depth, valid) as `project`; valid is the table's mask.
+
+        Raises:
+            ArgumentError, ArgumentTypeError: the shape or a type is wrong.
+        """
+    def cells_from_pixels(
+        self, uv: ArrayLike, grid: BevGrid, *, ground: float | Plane | HeightMap = 0.0
+    ) -> NDArray[np.float64]:
+        """Pixels to the cells that show what they see: the inverse of `pixels_from_cells`.
+
+        Args:
+            uv: (N, 2) pixels, also outside the image.
+            grid: the grid.
+            ground: the road, as for the table.
+
+        Returns:
+            (N, 2) float64 (row, column), whole at the samples, also outside the grid; NaN where a pixel sees no road.
+
+        Raises:
+            ArgumentError, ArgumentTypeError: the shape or a type is wrong.
+        """
+    def project_polyline(
+        self,
+        points: ArrayLike,
+        *,
+        ground: float | Plane | HeightMap | None = None,
+        closed: bool = False,
+        margin: float = 0.0,
+        tolerance: float = 0.25,
+    ) -> list[NDArray[np.float64]]:
+        """A polyline of the vehicle frame as it appears in the image: a lane, a box edge, a path.
+
+        It is cut where the camera's image ends, in front of it or at the limit of its lens, and clipped to the image, so
+        that nothing wraps; between its vertices it is bent as the lens bends it. On a `HeightMap` it follows the road and
+        is cut where that is not known or hidden by a crest.
+
+        Args:
+            points: (N, 3) in metres, or (N, 2) on the road. A vertex that is not finite is a gap.
+            ground: the road under (N, 2) points, 0 if not given; refused with (N, 3).
+            closed: whether the last vertex is joined to the first.
+            margin: pixels around the rectangle of pixel centres up to which it is kept.
+            tolerance: how far, in pixels, the polyline may be from the true curve; at least 0.001.
+
+        Returns:
+            The pieces, each (M, 2) float64 pixels with M of 2 or more, in the order of the points; none where it is not
+            seen. `cv2.polylines(image, [np.round(p).astype(np.int32) for p in pieces], False, colour)` draws them.
+
+        Raises:
+            ArgumentError, ArgumentTypeError: the shape or another argument is wrong.
+        """
+    def horizon(
+        self, *, ground: float | Plane = 0.0, tolerance: float = 0.25
+    ) -> list[NDArray[np.float64]]:
+        """The horizon in the image: pixels whose rays run along the road and never meet it.
+
+        Args:
+            ground: the road; of a height all that counts is that it is level.
+            tolerance: how far, in pixels, the polyline may be from a curve that a lens bends; at least 0.001.
+
+        Returns:
+            Pieces inside the rectangle of pixel centres, each (M, 2) float64: for a pinhole at most one, of two points;
+            none where the camera does not see it.
+
+        Raises:
+            ArgumentError, ArgumentTypeError: the road has no one horizon, or another argument is wrong.
+        """
+    def horizon_line(self, *, ground: float | Plane = 0.0) -> tuple[float, float, float] | None:
+        """The horizon of a pinhole as (a, b, c): `a u + b v + c = 0`, `a^2 + b^2 = 1`.
+
+        `a u + b v + c` is the distance of a pixel from it, positive below. It is `K^-T R n`, n the road's normal.
+
+        Args:
+            ground: the road; of a height all that counts is that it is level.
+
+        Returns:
+            (a, b, c), or None where the image is parallel to the road and the horizon lies at infinity.
+
+        Raises:
+            ArgumentError: the camera has a lens, which bends the horizon; see `horizon`.
+        """
+    def ground_range(
+        self, uv: ArrayLike, *, ground: float | Plane | HeightMap = 0.0
+    ) -> NDArray[np.float64]:
+        """Metres from the camera to the road points that pixels see, measured level (in x and y).
+
+        Args:
+            uv: (N, 2) pixels, also outside the image.
+            ground: the road.
+
+        Returns:
+            (N,) float64; NaN where a pixel sees no road.
+        """
+    def row_ranges(
+        self, *, column: float | None = None, ground: float | Plane | HeightMap = 0.0
+    ) -> NDArray[np.float64]:
+        """`ground_range` for each row of the image.
+
+        Args:
+            column: where in the row, in pixels; the middle of the image if not given.
+            ground: the road.
+
+        Returns:
+            (height,) float64 metres; NaN above the horizon.
+        """
+    def range_error(
+        self,
+        uv: ArrayLike,
+        *,
+        ground: float | Plane | HeightMap = 0.0,
+        pixel: float = 1.0,
+        pitch_deg: float = 0.1,
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """By how many metres `ground_range` is off where the pixel, or the camera's pitch, is a little off.
+
+        Found by looking there and not by a derivative: near the horizon ranges grow without bound within a pixel.
+
+        Args:
+            uv: (N, 2) pixels.
+            ground: the road.
+            pixel: by how many pixels a pixel is off, in the direction in which its range changes fastest.
+            pitch_deg: by how many degrees the camera's pitch, that of `from_euler`, is off.
+
+        Returns:
+            (by_pixel, by_pitch), each (N,) float64 metres: the larger error of both directions, infinite where one of
+            them sees no road, NaN where the pixel itself sees none.
+        """
     def with_pose(self, camera_from_vehicle: ArrayLike) -> Camera:
         """The same camera elsewhere.
 
@@ -1070,6 +1273,26 @@ class Lut:
         Raises:
             LutError: M is singular or not finite.
         """
+    @classmethod
+    def from_ground_points(
+        cls, image_points: ArrayLike, ground_points: ArrayLike, grid: BevGrid, *, source_size: Sequence[int]
+    ) -> Lut:
+        """A table without a calibration: from four or more points of the road and the pixels that see them.
+
+        The road is the plane of the points. What lies beyond their horizon is invalid, which a `from_homography` cannot
+        know; `homography_from_points` gives the homography itself, and by how many pixels each point is off.
+
+        Args:
+            image_points: (N, 2) pixels (u, v), of an image without distortion.
+            ground_points: (N, 2) the same points in metres, x ahead, y to the left.
+            grid: the grid on the road.
+            source_size: (width, height) of the images that it is for.
+
+        Raises:
+            ArgumentError: fewer than four points, points that coincide or lie on a line, pairs that are mixed up, or that
+                make a mirror image of the road.
+            CalibrationError: a coordinate is not finite.
+        """
     def warp(
         self,
         image: NDArray[Any] | _DLPack | memoryview,
@@ -1146,6 +1369,43 @@ def rotation_from_euler(roll: float, pitch: float, yaw: float) -> NDArray[np.flo
 
     Raises:
         CalibrationError: an angle is not finite.
+    """
+
+def homography_from_points(
+    image_points: ArrayLike, ground_points: ArrayLike
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """The homography that takes points of the ground to the pixels that see them.
+
+    Of four points the one that does so exactly, of more the one with the least sum of squared distances in the image: a
+    direct linear transform of normalised points (Hartley and Zisserman, Multiple View Geometry, algorithm 4.2), then
+    Levenberg-Marquardt. `Lut.from_ground_points` goes on to the bird's-eye view.
+
+    Args:
+        image_points: (N, 2) pixels (u, v), N of 4 or more.
+        ground_points: (N, 2) the same points on the ground, metres.
+
+    Returns:
+        image_from_ground: (3, 3) float64, takes (x, y, 1) to a pixel. Its third component is positive at the points, so
+            that it is 0 or less behind the camera; divide by `image_from_ground[2, 2]` to compare with OpenCV's.
+        errors: (N,) float64, pixels from each point to where the homography puts it. One that stands out is misplaced.
+
+    Raises:
+        ArgumentError: fewer than four points, points that coincide or of which all but one lie on a line (of four: three
+            do), or no camera has all of them in front of it: pairs are mixed up.
+        CalibrationError: a coordinate is not finite.
+    """
+
+def vanishing_point(lines: ArrayLike) -> tuple[float, float]:
+    """The pixel where lines meet, such as lane markings: see `Camera.from_vanishing_point`.
+
+    Of two lines their intersection; of more the point with the least sum of squared distances from them.
+
+    Args:
+        lines: (N, 2, 2), two points (u, v) of each line, far apart.
+
+    Raises:
+        ArgumentError: fewer than two lines, all parallel, or both points of one in the same place.
+        CalibrationError: a coordinate is not finite.
     """
 
 def flip_handedness(points: ArrayLike) -> NDArray[np.float64]:

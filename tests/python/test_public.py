@@ -20,12 +20,14 @@ from ipm_rs.calibration import FORMATS
 
 FOLDER = pathlib.Path(ipm_rs.__file__).parent
 LENSES = ("BrownConrady", "KannalaBrandt", "Mei", "DoubleSphere", "Eucm", "RadialPolynomial", "Ocam")
-CLASSES = ("Camera", "BevGrid", "Lut", *LENSES)
+CLASSES = ("Camera", "BevGrid", "Lut", "Plane", "HeightMap", *LENSES)
 FUNCTIONS = (
     "flip_handedness",
     "flip_handedness_euler",
     "flip_handedness_rotation",
     "flip_handedness_pose",
+    "homography_from_points",
+    "vanishing_point",
     "rotation_from_euler",
     "cpu_info",
     "set_num_threads",
@@ -34,7 +36,8 @@ FUNCTIONS = (
 MEMBERS = {
     "Camera": (
         "from_euler load save to_json intrinsics lens image_size camera_from_vehicle vehicle_from_camera position "
-        "project unproject ground_from_pixels resized cropped with_pose"
+        "project unproject ground_from_pixels resized cropped with_pose from_vanishing_point binned rotated180 mirrored "
+        "pixels_from_cells cells_from_pixels project_polyline horizon horizon_line ground_range row_ranges range_error"
     ),
     "BrownConrady": "coefficients max_angle",
     "KannalaBrandt": "coefficients max_angle",
@@ -44,7 +47,9 @@ MEMBERS = {
     "RadialPolynomial": "coefficients max_angle",
     "Ocam": "polynomial affine max_angle",
     "BevGrid": "shape x y resolution sample_at xy cell_from_ground ground_from_cell",
-    "Lut": "from_maps from_homography warp mask maps shape source_size nbytes",
+    "Plane": "from_coefficients from_angles coefficients normal height_at",
+    "HeightMap": "on_grid heights shape origin spacing height_at",
+    "Lut": "from_maps from_homography from_ground_points warp mask maps shape source_size nbytes",
 }
 BASES = {
     "IpmError": (Exception,),
