@@ -304,6 +304,34 @@ pub enum Error {
         /// Those of the array that came.
         got: (usize, usize, usize),
     },
+    /// A source that area interpolation cannot address.
+    #[error(
+        "area: expected a source of at most {limit} pixels a side, got {width} x {height}; use interpolation=\"bilinear\", or crop"
+    )]
+    AreaSize {
+        /// Columns of the source.
+        width: u32,
+        /// Rows of the source.
+        height: u32,
+        /// The limit.
+        limit: u32,
+    },
+    /// A way to interpolate that only a table offers, without one; or one that the samples do not have.
+    #[error("interpolation: expected {expected}, got {got:?}; {mend}")]
+    Interpolation {
+        /// What is offered.
+        expected: &'static str,
+        /// The one that came.
+        got: &'static str,
+        /// What the caller can do.
+        mend: &'static str,
+    },
+    /// A label image of too many different ids.
+    #[error("mode: expected an image of at most {limit} different ids, got more; use interpolation=\"nearest\"")]
+    TooManyIds {
+        /// The limit.
+        limit: usize,
+    },
     /// A border value with neither one entry nor one per channel.
     #[error("border_value: expected one value or one for each of the {expected} channels, got {got} values")]
     BorderChannels {

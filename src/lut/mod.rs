@@ -1,5 +1,6 @@
 //! The look-up table between a grid and an image: built once, used for every frame.
 
+pub(crate) mod area;
 mod build;
 mod cells;
 mod io;
@@ -9,6 +10,7 @@ mod surface;
 pub(crate) mod table;
 pub(crate) mod tap;
 
+use crate::error::Result;
 pub(crate) use build::{check_homography, homography_row};
 use table::Table;
 
@@ -37,9 +39,21 @@ impl Lut {
         self.table.source()
     }
 
-    /// Bytes that the table holds.
+    /// Bytes that the table holds, and from the first use of [`Interpolation::Area`](crate::Interpolation::Area) on those
+    /// of what it needs beyond.
     pub fn nbytes(&self) -> usize {
-        self.table.nbytes()
+        self.table.nbytes() + self.table.area.get().map_or(0, area::Plan::nbytes)
+    }
+
+    /// What `area` needs beyond the table; made by the first call.
+    ///
+    /// # Errors
+    /// [`Error::AreaSize`](crate::Error::AreaSize), [`Error::OutOfMemory`](crate::Error::OutOfMemory).
+    pub(crate) fn area_plan(&self) -> Result<&area::Plan> {
+        match self.table.area.get() {
+            Some(plan) => Ok(plan),
+            None => Ok(self.table.area.set(area::Plan::new(&self.table)?)),
+        }
     }
 
     pub(crate) fn table(&self) -> &Table {

@@ -6,6 +6,7 @@
 
 use std::ops::Range;
 
+use super::area::LazyPlan;
 use super::kernels::{Kinds, quantise, quantise_one};
 use super::tap::framed;
 pub(crate) use super::tap::{ONE, RunKind, Tap, unframed};
@@ -145,6 +146,8 @@ pub(crate) struct Table {
     pub(super) taps: Vec<Tap>,
     /// The runs, in bands of [`band_rows`] rows.
     pub(super) bands: Vec<RowRuns>,
+    /// What `area` needs beyond, once it was asked for.
+    pub(super) area: LazyPlan,
 }
 
 /// How many rows a band has: 32768 cells or a row, 256 KiB of taps, which stay in a core's own cache while they are
@@ -182,7 +185,7 @@ impl Table {
     /// A table with room for all taps, and no runs yet.
     pub(super) fn empty((rows, columns): (usize, usize), source: (u32, u32)) -> Result<Self> {
         check_cells("Lut", rows as f64, columns as f64)?;
-        let mut table = Self { rows, columns, source, taps: Vec::new(), bands: Vec::new() };
+        let mut table = Self { rows, columns, source, taps: Vec::new(), bands: Vec::new(), area: LazyPlan::default() };
         reserve(&mut table.taps, rows * columns)?;
         table.taps.resize(rows * columns, Tap::default());
         table.bands.resize(rows.div_ceil(band_rows(columns)), RowRuns::default());

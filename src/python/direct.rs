@@ -96,7 +96,9 @@ impl<'a, 'py> Call<'a, 'py> {
         threads: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Self> {
         Ok(Self {
-            interpolation: interpolation.map_or(Ok(Interpolation::Bilinear), options::interpolation)?,
+            interpolation: interpolation
+                .map_or(Ok(Interpolation::Bilinear), options::interpolation)?
+                .without_table()?,
             border_mode: border_mode.map_or(Ok(BorderMode::Constant), options::border_mode)?,
             threads: threads.map(|threads| options::thread_count("threads", threads)).transpose()?,
             image: ImageArray::new("image", image, Layout::Hwc)?,
@@ -108,13 +110,13 @@ impl<'a, 'py> Call<'a, 'py> {
     /// Warps to an output of (rows, columns).
     fn run(self, mapping: &Mapping<'_>, shape: (usize, usize)) -> PyResult<Bound<'py, PyAny>> {
         match (self.interpolation, self.image.sample_bytes(self.interpolation)?) {
-            (Interpolation::Bilinear, 1) => self.run_as::<u8>(warp_direct_into, mapping, shape),
-            (Interpolation::Bilinear, 2) => self.run_as::<u16>(warp_direct_into, mapping, shape),
-            (Interpolation::Bilinear, _) => self.run_as::<f32>(warp_direct_into, mapping, shape),
             (Interpolation::Nearest, 1) => self.run_as::<u8>(warp_direct_nearest_into, mapping, shape),
             (Interpolation::Nearest, 2) => self.run_as::<u16>(warp_direct_nearest_into, mapping, shape),
             (Interpolation::Nearest, 4) => self.run_as::<u32>(warp_direct_nearest_into, mapping, shape),
             (Interpolation::Nearest, _) => self.run_as::<u64>(warp_direct_nearest_into, mapping, shape),
+            (_, 1) => self.run_as::<u8>(warp_direct_into, mapping, shape),
+            (_, 2) => self.run_as::<u16>(warp_direct_into, mapping, shape),
+            (_, _) => self.run_as::<f32>(warp_direct_into, mapping, shape),
         }
     }
 

@@ -67,6 +67,9 @@ impl From<Error> for PyErr {
             | Error::Slices { .. }
             | Error::DensityFull { .. }
             | Error::Threads { .. }
+            | Error::Interpolation { .. }
+            | Error::TooManyIds { .. }
+            | Error::AreaSize { .. }
             | Error::Isa { .. } => classes::ArgumentError::new_err(message),
             Error::OutOfMemory { .. } => classes::OutOfMemoryError::new_err(message),
         }

@@ -165,10 +165,14 @@ impl<'py> ImageArray<'py> {
     pub(super) fn sample_bytes(&self, interpolation: Interpolation) -> PyResult<usize> {
         let dtype = &self.dtype;
         match (interpolation, dtype.kind(), dtype.itemsize()) {
-            (Interpolation::Bilinear, b'u', bytes @ (1 | 2)) | (Interpolation::Bilinear, b'f', bytes @ 4) => Ok(bytes),
+            (Interpolation::Bilinear | Interpolation::Area, b'u', bytes @ (1 | 2))
+            | (Interpolation::Bilinear | Interpolation::Area, b'f', bytes @ 4) => Ok(bytes),
             (Interpolation::Nearest, b'b' | b'i' | b'u' | b'f', bytes @ (1 | 2 | 4 | 8)) => Ok(bytes),
             (Interpolation::Bilinear, ..) => Err(DtypeError::new_err(format!(
                 "image: expected uint8, uint16 or float32, got {dtype}; use interpolation=\"nearest\" for labels, or image.astype(numpy.float32)"
+            ))),
+            (Interpolation::Area, ..) => Err(DtypeError::new_err(format!(
+                "image: expected uint8, uint16 or float32, got {dtype}; use interpolation=\"mode\" for labels, or image.astype(numpy.float32)"
             ))),
             (Interpolation::Nearest, ..) => Err(DtypeError::new_err(format!(
                 "image: expected a bool, integer or float dtype of 1, 2, 4 or 8 bytes, got {dtype}"

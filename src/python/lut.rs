@@ -93,11 +93,11 @@ impl PyLut {
         let layout = layout.map_or(Ok(Layout::Hwc), options::layout)?;
         let image = ImageArray::new("image", image, layout)?;
         self.check_size(&image)?;
-        let job = Job { lut: &self.lut, image: &image, border_value, out, threads };
+        let job = Job { lut: &self.lut, image: &image, interpolation, border_value, out, threads };
         match (interpolation, image.sample_bytes(interpolation)?) {
-            (Interpolation::Bilinear, 1) => job.bilinear::<u8>(),
-            (Interpolation::Bilinear, 2) => job.bilinear::<u16>(),
-            (Interpolation::Bilinear, _) => job.bilinear::<f32>(),
+            (Interpolation::Bilinear | Interpolation::Area, 1) => job.blended::<u8>(),
+            (Interpolation::Bilinear | Interpolation::Area, 2) => job.blended::<u16>(),
+            (Interpolation::Bilinear | Interpolation::Area, _) => job.blended::<f32>(),
             (Interpolation::Nearest, 1) => job.nearest::<u8>(),
             (Interpolation::Nearest, 2) => job.nearest::<u16>(),
             (Interpolation::Nearest, 4) => job.nearest::<u32>(),
@@ -204,13 +204,14 @@ type WarpFn<T> = fn(&Lut, &[ImageView<'_, T>], &mut [ImageViewMut<'_, T>], &Warp
 struct Job<'a, 'py> {
     lut: &'a Lut,
     image: &'a ImageArray<'py>,
+    interpolation: Interpolation,
     border_value: Option<&'a Bound<'py, PyAny>>,
     out: Option<&'a Bound<'py, PyAny>>,
     threads: Option<usize>,
 }
 
 impl<'py> Job<'_, 'py> {
-    fn bilinear<T: Bilinear>(self) -> PyResult<Bound<'py, PyAny>> {
+    fn blended<T: Bilinear>(self) -> PyResult<Bound<'py, PyAny>> {
         self.run::<T>(Lut::warp_many_into)
     }
 
@@ -225,7 +226,8 @@ impl<'py> Job<'_, 'py> {
         if values != 1 && values != channels {
             return Err(Error::BorderChannels { expected: channels, got: values }.into());
         }
-        let options = WarpOptions { border_value, threads: self.threads, ..WarpOptions::default() };
+        let Self { interpolation, threads, .. } = self;
+        let options = WarpOptions { interpolation, border_value, threads, isa: None };
         let read = self.image.read()?;
         let views = read.views::<T>()?;
         self.lut.check_images(&views, &options)?; // before an output is allocated

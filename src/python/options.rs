@@ -10,12 +10,13 @@ use super::layout::Layout;
 use crate::image::as_bytes_mut;
 use crate::{BorderMode, Interpolation, Sample};
 
-/// `"bilinear"` or `"nearest"`.
+/// `"bilinear"`, `"nearest"` or `"area"`.
 pub(super) fn interpolation(object: &Bound<'_, PyAny>) -> PyResult<Interpolation> {
-    let expected = "interpolation: expected \"bilinear\" or \"nearest\"";
+    let expected = "interpolation: expected \"bilinear\", \"nearest\" or \"area\"";
     match name(expected, object)? {
         "bilinear" => Ok(Interpolation::Bilinear),
         "nearest" => Ok(Interpolation::Nearest),
+        "area" => Ok(Interpolation::Area),
         other => Err(ArgumentError::new_err(format!("{expected}, got {other:?}"))),
     }
 }

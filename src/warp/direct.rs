@@ -99,6 +99,7 @@ impl Mapping<'_> {
 /// Warps an image without a table, bilinear or nearest.
 ///
 /// # Errors
+/// [`Error::Interpolation`] for what needs a table,
 /// [`Error::MapLength`] where a map has not one entry for each cell of `out`, [`Error::Homography`],
 /// [`Error::ImageSize`], [`Error::OutputShape`] where the channels differ, [`Error::BorderChannels`],
 /// [`Error::Threads`] and [`Error::Isa`], all before anything is written.
@@ -109,6 +110,7 @@ pub fn warp_direct_into<T: Bilinear>(
     border_mode: BorderMode,
     options: &WarpOptions<T>,
 ) -> Result<()> {
+    options.interpolation.without_table()?;
     run(image, mapping, out, border_mode, options, options.kernels(slice::from_ref(image))?)
 }
 

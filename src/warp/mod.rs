@@ -1,5 +1,6 @@
 //! The backward warp: every output cell takes its value from where the table says.
 
+pub(crate) mod area;
 pub mod direct;
 pub(crate) mod kernels;
 mod options;
@@ -8,6 +9,7 @@ pub mod reference;
 pub use kernels::Bilinear;
 pub use options::{Interpolation, WarpOptions};
 
+use std::borrow::Cow;
 use std::slice;
 
 use crate::error::{Error, Result};
@@ -39,7 +41,7 @@ impl Lut {
         Ok(out)
     }
 
-    /// Warps an image into a given one, bilinear or nearest. The result does not depend on the number of threads.
+    /// Warps an image into a given one. The result does not depend on the number of threads.
     ///
     /// # Errors
     /// [`Error::SizeMismatch`], [`Error::OutputShape`], [`Error::BorderChannels`] and [`Error::Threads`], all before
@@ -80,6 +82,10 @@ impl Lut {
         outs: &mut [ImageViewMut<'_, T>],
         options: &WarpOptions<T>,
     ) -> Result<()> {
+        if options.interpolation == Interpolation::Area {
+            let border = check(self, images, outs, options)?;
+            return area::warp(self, images, outs, &border, options);
+        }
         run(self, images, outs, options, WarpOptions::kernels)
     }
 
@@ -118,6 +124,24 @@ impl Lut {
     }
 }
 
+/// Whether images, options and outputs fit the table and each other; the border value of each channel or plane.
+fn check<'a, T: Sample>(
+    lut: &Lut,
+    images: &[ImageView<'_, T>],
+    outs: &[ImageViewMut<'_, T>],
+    options: &'a WarpOptions<T>,
+) -> Result<Cow<'a, [T]>> {
+    lut.check_images(images, options)?;
+    if images.len() != outs.len() {
+        return Err(Error::ImageCount { images: images.len(), outs: outs.len() });
+    }
+    let expected = (lut.rows(), lut.columns(), images[0].channels());
+    if let Some(out) = outs.iter().find(|out| out.shape() != expected) {
+        return Err(Error::OutputShape { expected, got: out.shape() });
+    }
+    options.border(images[0].channels(), images.len())
+}
+
 /// [`WarpOptions::kernels`] or [`WarpOptions::nearest_kernels`].
 type ChooseFn<T> = fn(&WarpOptions<T>, &[ImageView<'_, T>]) -> Result<RowKernels<T>>;
 
@@ -128,17 +152,9 @@ fn run<T: Sample>(
     options: &WarpOptions<T>,
     choose: ChooseFn<T>,
 ) -> Result<()> {
-    lut.check_images(images, options)?;
+    let border = check(lut, images, outs, options)?;
     let kernels = choose(options, images)?;
-    if images.len() != outs.len() {
-        return Err(Error::ImageCount { images: images.len(), outs: outs.len() });
-    }
     let (rows, columns, channels) = (lut.rows(), lut.columns(), images[0].channels());
-    let expected = (rows, columns, channels);
-    if let Some(out) = outs.iter().find(|out| out.shape() != expected) {
-        return Err(Error::OutputShape { expected, got: out.shape() });
-    }
-    let border = options.border(channels, images.len())?;
     let warp_band = |index: usize, first: usize, band: RowsMut<'_, T>| {
         // of one value for each channel, all; of one for each plane, its own
         let own = if border.len() == channels { 0 } else { index % border.len() };

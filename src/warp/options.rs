@@ -16,6 +16,35 @@ pub enum Interpolation {
     /// The four pixels around the coordinate, weighted by nearness. The default.
     #[default]
     Bilinear,
+    /// The mean of the source over what the cell covers of it, at least a pixel: no aliasing where a cell is larger than a
+    /// pixel, bilinear where it is not. For warps through a [`Lut`](crate::Lut).
+    Area,
+}
+
+impl Interpolation {
+    /// Its name in Python.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Nearest => "nearest",
+            Self::Bilinear => "bilinear",
+            Self::Area => "area",
+        }
+    }
+
+    /// Itself if a warp without a table can do it.
+    ///
+    /// # Errors
+    /// [`Error::Interpolation`].
+    pub fn without_table(self) -> Result<Self> {
+        match self {
+            Self::Nearest | Self::Bilinear => Ok(self),
+            Self::Area => Err(Error::Interpolation {
+                expected: "\"bilinear\" or \"nearest\"",
+                got: self.name(),
+                mend: "for area make a Lut (from_maps, from_homography) and use its warp",
+            }),
+        }
+    }
 }
 
 /// Options of a warp.
@@ -96,12 +125,14 @@ impl<T: Sample> WarpOptions<T> {
 }
 
 impl<T: Bilinear> WarpOptions<T> {
-    /// The kernels of these options' interpolation, likewise.
+    /// The kernels of these options' interpolation, likewise; of area those for cells that see no more than a pixel.
     pub(super) fn kernels(&self, images: &[ImageView<'_, T>]) -> Result<RowKernels<T>> {
         let contiguous = images.iter().all(ImageView::is_contiguous);
         match self.interpolation {
             Interpolation::Nearest => self.nearest_kernels(images),
-            Interpolation::Bilinear => Ok(RowKernels::bilinear(self.isa()?, images[0].channels(), contiguous)),
+            Interpolation::Bilinear | Interpolation::Area => {
+                Ok(RowKernels::bilinear(self.isa()?, images[0].channels(), contiguous))
+            }
         }
     }
 }

@@ -35,7 +35,8 @@ pub fn sample<T: Copy + Into<f64>>(
     };
     let value = |channel: usize| match interpolation {
         Interpolation::Nearest => pixel(u.round_ties_even(), v.round_ties_even(), channel),
-        Interpolation::Bilinear => {
+        // area of a footprint of a pixel
+        Interpolation::Bilinear | Interpolation::Area => {
             let (x, y) = (u.floor(), v.floor());
             let (fx, fy) = (u - x, v - y);
             // a pixel without weight must not count, even where it is NaN

@@ -41,4 +41,4 @@ macro_rules! for_each_isa {
         }
     }};
 }
-use for_each_isa;
+pub(crate) use for_each_isa;

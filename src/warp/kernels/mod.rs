@@ -46,6 +46,15 @@ impl<'a, T: Sample> Source<'a, T> {
         self.border.len()
     }
 
+    pub(crate) fn image(&self) -> &'a ImageView<'a, T> {
+        self.image
+    }
+
+    /// A value for each channel.
+    pub(crate) fn border(&self) -> &'a [T] {
+        self.border
+    }
+
     /// Writes the border value into whole cells.
     pub(crate) fn fill_border(&self, cells: &mut [T]) {
         if let Some(byte) = self.border_byte {
@@ -135,7 +144,7 @@ impl<T: Bilinear> RowKernels<T> {
 }
 
 /// A sample that can be blended: `u8`, `u16` and `f32`.
-pub trait Bilinear: Sample + sealed::Blend {}
+pub trait Bilinear: Sample + sealed::Blend + super::area::Average {}
 
 impl Bilinear for u8 {}
 impl Bilinear for u16 {}

@@ -1,0 +1,189 @@
+//! The levels of an image: averages over boxes, where probes will look.
+
+use std::ops::Range;
+
+use super::average::Average;
+use crate::cpu::Isa;
+use crate::error::{Error, Result};
+use crate::image::{ImageView, Sample, as_bytes_mut};
+use crate::lut::area::{Level, Plan};
+use crate::parallel;
+
+/// So many rows of a level are made at once.
+const CHUNK_ROWS: usize = 16;
+
+/// Memory for the levels of an image, lent by a plan.
+pub(super) struct Room<'a> {
+    plan: &'a Plan,
+    words: Vec<u64>,
+}
+
+impl<'a> Room<'a> {
+    /// Room for the levels of images of so many bytes a pixel.
+    pub(super) fn new(plan: &'a Plan, width: usize, pixel_bytes: usize) -> Result<Self> {
+        let rows: usize = plan.levels.iter().map(|level| level.columns.len()).sum();
+        let count = (rows * width * pixel_bytes).div_ceil(8);
+        // one that is in use elsewhere is not waited for
+        let mut words = plan.pool.try_lock().ok().and_then(|mut pool| pool.pop()).unwrap_or_default();
+        if words.len() < count {
+            let missing = count - words.len();
+            words.try_reserve_exact(missing).map_err(|_| Error::OutOfMemory { what: "area", bytes: 8 * count })?;
+            words.resize(count, 0);
+        }
+        Ok(Self { plan, words })
+    }
+
+    fn samples<T: Sample>(&mut self) -> &mut [T] {
+        let bytes = as_bytes_mut(&mut self.words);
+        // SAFETY: any bytes are samples, and words of 8 bytes are aligned for every sample.
+        let (before, samples, _) = unsafe { bytes.align_to_mut::<T>() };
+        debug_assert!(before.is_empty());
+        samples
+    }
+}
+
+impl Drop for Room<'_> {
+    fn drop(&mut self) {
+        /// A plan keeps no more of them than this.
+        const KEPT: usize = 2;
+        if let Ok(mut pool) = self.plan.pool.try_lock()
+            && pool.len() < KEPT
+        {
+            pool.push(std::mem::take(&mut self.words));
+        }
+    }
+}
+
+/// The levels of one image, ready to be looked at.
+pub(super) struct Levels<'a, T> {
+    source: ImageView<'a, T>,
+    levels: Vec<(&'a Level, ImageView<'a, T>)>,
+}
+
+impl<'a, T: Sample + Average> Levels<'a, T> {
+    /// Averages `image`; threads share the rows.
+    pub(super) fn new(
+        plan: &'a Plan,
+        image: &ImageView<'a, T>,
+        room: &'a mut Room<'_>,
+        (isa, threads): (Isa, usize),
+    ) -> Result<Self> {
+        let row = image.width() * image.channels();
+        let mut rest = room.samples::<T>();
+        let mut parts = Vec::with_capacity(plan.levels.len());
+        for level in &plan.levels {
+            let (own, others) = rest.split_at_mut(level.columns.len() * row);
+            parts.push((level, own));
+            rest = others;
+        }
+        let jobs = parts.iter_mut().flat_map(|(level, samples)| {
+            let level: &Level = level;
+            samples.chunks_mut(CHUNK_ROWS * row).enumerate().map(move |(chunk, rows)| (level, chunk, rows))
+        });
+        parallel::for_each(threads, jobs, |(level, chunk, rows)| {
+            let mut scratch = Scratch::new(isa, image, level);
+            for (index, out) in (chunk * CHUNK_ROWS..).zip(rows.chunks_mut(row)) {
+                scratch.row(level.first_row as usize + index, level.columns[index].clone(), out);
+            }
+        });
+        let view = |(level, samples): (&'a Level, &'a mut [T])| {
+            let size = (image.width(), level.columns.len());
+            Ok((level, ImageView::new(samples, size, image.channels())?))
+        };
+        Ok(Self { source: *image, levels: parts.into_iter().map(view).collect::<Result<_>>()? })
+    }
+
+    /// The level of so large boxes, and its first row.
+    pub(super) fn get(&self, kx: u8, ky: u8) -> (&ImageView<'a, T>, u32) {
+        let found = self.levels.iter().find(|(level, _)| (level.kx, level.ky) == (kx.into(), ky.into()));
+        found.map_or((&self.source, 0), |(level, view)| (view, level.first_row))
+    }
+}
+
+/// What making the rows of a level needs.
+struct Scratch<'a, T> {
+    isa: Isa,
+    image: &'a ImageView<'a, T>,
+    kx: u32,
+    ky: u32,
+    /// The row so far, and the next step of it.
+    row: Vec<T>,
+    next: Vec<T>,
+    /// Two for each step by which many rows are averaged.
+    halves: Vec<[Vec<T>; 2]>,
+}
+
+impl<'a, T: Sample + Average> Scratch<'a, T> {
+    fn new(isa: Isa, image: &'a ImageView<'a, T>, level: &Level) -> Self {
+        let row = vec![T::default(); image.width() * image.channels()];
+        let halves = (3..=level.ky).map(|_| [row.clone(), row.clone()]).collect();
+        Self { isa, image, kx: level.kx, ky: level.ky, row: row.clone(), next: row, halves }
+    }
+
+    /// Writes the entries `columns` of a row of the level. Averaging over rows, then over columns, is averaging over
+    /// boxes; integers halfway are rounded up in every other step, so that they do not drift.
+    fn row(&mut self, row: usize, columns: Range<u32>, out: &mut [T]) {
+        if columns.is_empty() {
+            return;
+        }
+        let channels = self.image.channels();
+        let (start, end) = (columns.start as usize * channels, columns.end as usize * channels);
+        let all = start..end + ((1 << self.kx) - 1) * channels;
+        let y = row << Level::log_row_step(self.ky);
+        let out = &mut out[start..end];
+        if self.kx == 0 {
+            return down(self.isa, self.image, y, self.ky, &all, &mut self.halves, out);
+        }
+        let mut length = all.len();
+        if self.ky > 0 {
+            let row = &mut self.row[..length];
+            down(self.isa, self.image, y, self.ky, &all, &mut self.halves, row);
+        }
+        let mut k = 0;
+        while k < self.kx {
+            let steps = (self.kx - k).min(2);
+            let from = if k + self.ky == 0 { &source_row(self.image, y)[all.clone()] } else { &self.row[..length] };
+            length -= (((1 << steps) - 1) << k) * channels;
+            let to = if k + steps == self.kx { &mut *out } else { &mut self.next[..length] };
+            let (up, shifted) = ((k + self.ky).is_multiple_of(2), |boxes: usize| &from[(boxes << k) * channels..]);
+            if steps == 1 {
+                T::halve(self.isa, up, from, shifted(1), to);
+            } else {
+                T::quarter(self.isa, up, [from, shifted(1), shifted(2), shifted(3)], to);
+            }
+            k += steps;
+            std::mem::swap(&mut self.row, &mut self.next);
+        }
+    }
+}
+
+/// Averages `2^ky` rows of an image from row y on, the samples `range` of each.
+fn down<T: Sample + Average>(
+    isa: Isa,
+    image: &ImageView<'_, T>,
+    y: usize,
+    ky: u32,
+    range: &Range<usize>,
+    halves: &mut [[Vec<T>; 2]],
+    out: &mut [T],
+) {
+    let row = |index: usize| &source_row(image, y + index)[range.clone()];
+    match (ky, halves) {
+        (0, _) => out.copy_from_slice(row(0)),
+        (1, _) => T::halve(isa, true, row(0), row(1), out),
+        (2, _) => T::quarter(isa, true, [row(0), row(1), row(2), row(3)], out),
+        (_, [[upper, lower], halves @ ..]) => {
+            let (upper, lower) = (&mut upper[..out.len()], &mut lower[..out.len()]);
+            down(isa, image, y, ky - 1, range, halves, upper);
+            down(isa, image, y + (1 << (ky - 1)), ky - 1, range, halves, lower);
+            T::halve(isa, (ky - 1).is_multiple_of(2), upper, lower, out);
+        }
+        (_, []) => unreachable!("one pair for each step beyond the second"),
+    }
+}
+
+/// The samples of row y.
+fn source_row<'a, T: Sample>(image: &ImageView<'a, T>, y: usize) -> &'a [T] {
+    let start = image.row_start(y);
+    &image.data()[start..start + image.width() * image.channels()]
+}

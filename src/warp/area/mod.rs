@@ -1,0 +1,225 @@
+//! `area`: each cell is the mean of the source over the cell's footprint.
+//!
+//! Cells whose footprint is no larger than a pixel are bilinear. The others are the mean of a lattice of bilinear probes
+//! into averages over boxes, which are made first, where they are needed; see [`Plan`] for how it is chosen. Probes are
+//! taps of the ordinary kernels, so every dtype, channel count and instruction set is served, and all agree to the last
+//! bit.
+
+mod average;
+mod levels;
+mod probes;
+
+use std::slice;
+
+pub(crate) use average::Average;
+
+use super::WarpOptions;
+use super::kernels::{Bilinear, RowKernels, Source, sealed::Blend};
+use crate::cpu::Isa;
+use crate::error::Result;
+use crate::image::{ImageView, ImageViewMut, RowsMut};
+use crate::lut::Lut;
+use crate::lut::area::{Cells, Piece, Plan, Shape};
+use crate::lut::table::{RunKind, Segment, Tap};
+use crate::parallel;
+use levels::{Levels, Room};
+use probes::Lattice;
+
+/// So many cells are probed at once: taps, one probe and the sums of three channels are 1.5 KB.
+const BATCH: usize = 64;
+
+/// Warps images that fit the table, the options and the outputs.
+pub(super) fn warp<T: Bilinear>(
+    lut: &Lut,
+    images: &[ImageView<'_, T>],
+    outs: &mut [ImageViewMut<'_, T>],
+    border: &[T],
+    options: &WarpOptions<T>,
+) -> Result<()> {
+    let plan = lut.area_plan()?;
+    let (rows, columns, channels) = (lut.rows(), lut.columns(), images[0].channels());
+    let isa = options.isa()?;
+    let threads = options.threads_for(rows * columns, channels)?;
+    let mut room = Room::new(plan, images[0].width(), channels * size_of::<T>())?;
+    for (index, (image, out)) in images.iter().zip(outs).enumerate() {
+        // of one value for each channel, all; of one for each plane, its own
+        let own = if border.len() == channels { 0 } else { index % border.len() };
+        let source = Source::new(image, &border[own..own + channels]);
+        let levels = Levels::new(plan, image, &mut room, (isa, threads))?;
+        let job = Job {
+            lut,
+            plan,
+            isa,
+            bilinear: options.kernels(slice::from_ref(image))?,
+            on_levels: RowKernels::bilinear(isa, channels, true),
+            levels: &levels,
+            source: &source,
+        };
+        let band_rows = parallel::rows_per_band(rows, columns, threads);
+        parallel::for_each(threads, out.bands(band_rows), |(first, band)| job.run(first, band));
+    }
+    Ok(())
+}
+
+/// The warp of one image.
+struct Job<'a, T> {
+    lut: &'a Lut,
+    plan: &'a Plan,
+    isa: Isa,
+    bilinear: RowKernels<T>,
+    on_levels: RowKernels<T>,
+    levels: &'a Levels<'a, T>,
+    source: &'a Source<'a, T>,
+}
+
+/// What a thread needs for a batch.
+struct Scratch<T: Average> {
+    taps: [Tap; BATCH],
+    probe: Vec<T>,
+    sums: Vec<T::Sum>,
+}
+
+impl<T: Bilinear> Job<'_, T> {
+    /// Fills rows of the output from row `first` on.
+    fn run(&self, first: usize, rows: RowsMut<'_, T>) {
+        let channels = self.source.channels();
+        let mut scratch = Scratch {
+            taps: [Tap::default(); BATCH],
+            probe: vec![T::default(); BATCH * channels],
+            sums: vec![T::Sum::default(); BATCH * channels],
+        };
+        for (row, cells) in (first..).zip(rows) {
+            let (mut pieces, footprints) = self.plan.row(row);
+            for segment in self.lut.table().row(row) {
+                pieces = self.segment(segment, pieces, cells);
+            }
+            let (pieces, _) = self.plan.row(row);
+            for piece in pieces {
+                let own = piece.first as usize * channels..(piece.first + piece.cells) as usize * channels;
+                self.piece(piece, footprints, &mut cells[own], &mut scratch);
+            }
+        }
+    }
+
+    /// Fills the cells of a segment that are no part of a piece; returns the pieces that come after it.
+    fn segment<'a>(&self, segment: Segment<'_>, mut pieces: &'a [Piece], cells: &mut [T]) -> &'a [Piece] {
+        let channels = self.source.channels();
+        let end = segment.first + segment.cells;
+        let of = |from: usize, to: usize| from * channels..to * channels;
+        let kernel = match segment.kind {
+            RunKind::Outside => {
+                self.source.fill_border(&mut cells[of(segment.first, end)]);
+                return pieces;
+            }
+            RunKind::Inside => self.bilinear.inside,
+            RunKind::Rim | RunKind::Halo => self.bilinear.edge,
+        };
+        let mut from = segment.first;
+        while from < end {
+            let begin = pieces.first().map_or(end, |piece| piece.first as usize).clamp(from, end);
+            if begin > from {
+                let taps = &segment.taps[from - segment.first..begin - segment.first];
+                kernel(self.source, taps, &mut cells[of(from, begin)]);
+            }
+            // a piece may go on in the next segment
+            from = end;
+            if let Some((piece, rest)) = pieces.split_first()
+                && begin < end
+            {
+                let after = (piece.first + piece.cells) as usize;
+                from = after.min(end);
+                pieces = if after <= end { rest } else { pieces };
+            }
+        }
+        pieces
+    }
+
+    /// Averages the footprints of a piece.
+    fn piece(&self, piece: &Piece, footprints: &Cells, cells: &mut [T], scratch: &mut Scratch<T>) {
+        let (level, first_row) = self.levels.get(piece.shape.kx, piece.shape.ky);
+        let lattice = Lattice::new(piece, first_row, level.width());
+        let channels = self.source.channels();
+        let start = piece.start as usize;
+        if piece.clipped {
+            for (cell, values) in (start..).zip(cells.chunks_exact_mut(channels)) {
+                self.clipped(lattice, (level, first_row), footprints, cell, values, scratch);
+            }
+            return;
+        }
+        let (kernel, border) = if piece.shape.halvings() == 0 {
+            (self.bilinear.inside, self.source.border())
+        } else {
+            (self.on_levels.inside, self.source.border())
+        };
+        let level = Source::new(level, border);
+        for (batch, values) in cells.chunks_mut(BATCH * channels).enumerate() {
+            let (first, count) = (start + batch * BATCH, values.len() / channels);
+            let taps = &mut scratch.taps[..count];
+            let (probe, sums) = (&mut scratch.probe[..values.len()], &mut scratch.sums[..values.len()]);
+            for (index, at) in lattice_of(piece.shape).enumerate() {
+                lattice.taps(self.isa, at, footprints, first, taps);
+                if index == 0 {
+                    kernel(&level, taps, values);
+                    sums.fill(T::Sum::default());
+                } else {
+                    kernel(&level, taps, probe);
+                    T::add(self.isa, values, probe, sums);
+                }
+            }
+            self.finish(piece.shape, piece.shape.probes(), sums, values);
+        }
+    }
+
+    /// Averages a footprint of which a part may lie outside the image, over the rest of it.
+    fn clipped(
+        &self,
+        lattice: Lattice,
+        (level, first_row): (&ImageView<'_, T>, u32),
+        footprints: &Cells,
+        cell: usize,
+        values: &mut [T],
+        scratch: &mut Scratch<T>,
+    ) {
+        let (image, channels) = (self.source.image(), values.len());
+        let size = [image.width(), image.height()].map(|side| side as i32);
+        let last = lattice.last_entry(size);
+        let (probe, sums) = (&mut scratch.probe[..channels], &mut scratch.sums[..channels]);
+        sums.fill(T::Sum::default());
+        let mut count = 0;
+        let centre = [footprints.x[cell], footprints.y[cell]];
+        let inside = lattice_of(lattice.shape).map(|at| lattice.position(at, footprints, cell));
+        // where every probe is outside, though the middle is not: the middle
+        let mut positions: Vec<[i32; 2]> = Vec::new();
+        positions.extend(inside.filter(|&at| Lattice::is_inside(at, size)));
+        if positions.is_empty() {
+            positions.push(centre);
+        }
+        for position in positions {
+            let ([x, y], [fx, fy]) = lattice.entry(position, last);
+            let (right, below) = ((x + 1).min(last[0] as usize), (y + 1).min(last[1] as usize));
+            let row = |y: usize| y - first_row as usize;
+            let pixels = [(x, y), (right, y), (x, below), (right, below)].map(|(x, y)| level.pixel(x, row(y)));
+            let weights = T::weights(fx, fy);
+            let into = if count == 0 { &mut *values } else { &mut *probe };
+            for (channel, value) in into.iter_mut().enumerate() {
+                *value = <T as Blend>::blend(weights, pixels.map(|pixel| pixel[channel]));
+            }
+            if count > 0 {
+                T::add(self.isa, values, probe, sums);
+            }
+            count += 1;
+        }
+        self.finish(lattice.shape, count, sums, values);
+    }
+
+    fn finish(&self, shape: Shape, count: u32, sums: &[T::Sum], values: &mut [T]) {
+        if count > 1 {
+            T::finish(self.isa, count, shape.halvings() % 2 == 1, sums, values);
+        }
+    }
+}
+
+/// The probes of a shape.
+fn lattice_of(shape: Shape) -> impl Iterator<Item = (u8, u8)> {
+    (0..shape.along).flat_map(move |along| (0..shape.down).map(move |down| (along, down)))
+}

@@ -1,0 +1,126 @@
+//! The probes of footprints as taps of the bilinear kernels.
+
+use crate::cpu::Isa;
+use crate::lut::area::{Cells, Level, Piece, Q, Shape};
+use crate::lut::kernels::for_each_isa;
+use crate::lut::table::Tap;
+
+/// How the taps of a piece's probes follow from its footprints.
+#[derive(Clone, Copy)]
+pub(super) struct Lattice {
+    pub(super) shape: Shape,
+    /// Footprints are in 1/1024 pixel after shifting left by so much.
+    shift: u8,
+    /// From the middle of a box to its top-left pixel, 1/1024 pixel.
+    corner: [i32; 2],
+    /// log2 of the source rows in a row of the level.
+    row_step: u32,
+    first_row: i32,
+    width: i32,
+}
+
+impl Lattice {
+    /// `first_row` is that of the level, `width` that of the source.
+    pub(super) fn new(piece: &Piece, first_row: u32, width: usize) -> Self {
+        let (box_width, box_height) = piece.shape.box_size();
+        Self {
+            shape: piece.shape,
+            shift: piece.shift,
+            corner: [box_width, box_height].map(|size| (size as i32 - 1) << (Q - 1)),
+            row_step: Level::log_row_step(piece.shape.ky.into()),
+            first_row: first_row as i32,
+            width: width as i32,
+        }
+    }
+
+    /// The taps of one probe of neighbouring footprints, none of which may be clipped.
+    pub(super) fn taps(self, isa: Isa, probe: (u8, u8), cells: &Cells, first: usize, taps: &mut [Tap]) {
+        let range = first..first + taps.len();
+        let sides = [&cells.along[0], &cells.along[1], &cells.down[0], &cells.down[1]].map(|side| &side[range.clone()]);
+        let centre = [&cells.x, &cells.y].map(|axis| &axis[range.clone()]);
+        // SAFETY: a tap is 8 bytes with the alignment of a number, and any bits are one.
+        let taps = unsafe { std::slice::from_raw_parts_mut(taps.as_mut_ptr().cast::<u64>(), taps.len()) };
+        taps_of_cells(isa, self, self.offsets(probe), centre, sides, taps);
+    }
+
+    /// How far a probe is along each side of the footprint, in 1/16384.
+    fn offsets(self, (along, down): (u8, u8)) -> [i32; 2] {
+        [Shape::offset(along, self.shape.along), Shape::offset(down, self.shape.down)]
+    }
+
+    /// Where a probe of one footprint is on the source, 1/1024 pixel.
+    pub(super) fn position(self, probe: (u8, u8), cells: &Cells, cell: usize) -> [i32; 2] {
+        let offsets = self.offsets(probe);
+        let side = |sides: &[Vec<i16>; 2], axis: usize| i32::from(sides[axis][cell]);
+        [(&cells.x, 0), (&cells.y, 1)].map(|(centre, axis)| {
+            let sides = [side(&cells.along, axis), side(&cells.down, axis)];
+            centre[cell] + probe_offset(self, offsets, sides)
+        })
+    }
+
+    /// Whether a position lies on a pixel of the image.
+    pub(super) fn is_inside(position: [i32; 2], size: [i32; 2]) -> bool {
+        (0..2).all(|axis| (0..size[axis]).contains(&((position[axis] + (1 << (Q - 1))) >> Q)))
+    }
+
+    /// The last column and row of the level of a source of this size.
+    pub(super) fn last_entry(self, [width, height]: [i32; 2]) -> [i32; 2] {
+        let (box_width, _) = self.shape.box_size();
+        [width - box_width as i32, Level::whole_rows(height as u32, self.shape.ky.into()) as i32 - 1]
+    }
+
+    /// The entry of the level whose box is around a position, moved so far that box and neighbours exist: whole column
+    /// and row, and fractions in Q15. `last` is the level's last column and row.
+    pub(super) fn entry(self, position: [i32; 2], last: [i32; 2]) -> ([usize; 2], [u32; 2]) {
+        let entry = |axis: usize, row_step: u32| {
+            let at = ((position[axis] - self.corner[axis]) >> row_step).clamp(0, last[axis] << Q);
+            ((at >> Q) as usize, ((at & ((1 << Q) - 1)) << (15 - Q)) as u32)
+        };
+        let ((x, fx), (y, fy)) = (entry(0, 0), entry(1, self.row_step));
+        ([x, y], [fx, fy])
+    }
+}
+
+#[inline(always)]
+fn probe_offset(lattice: Lattice, offsets: [i32; 2], sides: [i32; 2]) -> i32 {
+    (sides[0] * offsets[0] + sides[1] * offsets[1]) >> (14 - lattice.shift)
+}
+
+fn taps_of_cells(
+    isa: Isa,
+    lattice: Lattice,
+    offsets: [i32; 2],
+    centre: [&[i32]; 2],
+    sides: [&[i16]; 4],
+    taps: &mut [u64],
+) {
+    for_each_isa!(isa, (body, body, body)(
+        lattice: Lattice, offsets: [i32; 2], centre: [&[i32]; 2], sides: [&[i16]; 4], taps: &mut [u64]
+    ));
+}
+
+#[inline(always)]
+fn body(lattice: Lattice, offsets: [i32; 2], centre: [&[i32]; 2], sides: [&[i16]; 4], taps: &mut [u64]) {
+    let cells = taps.len();
+    let ([x, y], [ax, ay, bx, by]) = (centre.map(|axis| &axis[..cells]), sides.map(|side| &side[..cells]));
+    for i in 0..cells {
+        let at = |axis: usize, centre: i32, a: i16, b: i16| {
+            centre - lattice.corner[axis] + probe_offset(lattice, offsets, [a.into(), b.into()])
+        };
+        let column = at(0, x[i], ax[i], bx[i]);
+        let row = (at(1, y[i], ay[i], by[i]) >> lattice.row_step) - (lattice.first_row << Q);
+        // rows times columns fit 32 bits, if not always with a sign
+        let offset = (row >> Q).wrapping_mul(lattice.width).wrapping_add(column >> Q) as u32;
+        let fraction = |at: i32| (at as u32 & ((1 << Q) - 1)) << (15 - Q);
+        let fractions = if cfg!(target_endian = "little") {
+            fraction(column) | fraction(row) << 16
+        } else {
+            fraction(column) << 16 | fraction(row)
+        };
+        taps[i] = if cfg!(target_endian = "little") {
+            u64::from(offset) | u64::from(fractions) << 32
+        } else {
+            u64::from(offset) << 32 | u64::from(fractions)
+        };
+    }
+}
