@@ -59,6 +59,22 @@ def test_names(name, coefficients):
     assert opencv.read(whole) == opencv.read(content())
 
 
+def test_lists_written_by_hand(tmp_path):
+    """What `yaml.dump({..., "dist_coeff": dist.tolist()})` of so many tutorials writes."""
+    path = tmp_path / "calibration.yaml"
+    path.write_text(f"camera_matrix: {K.tolist()}\ndist_coeff: {[D.tolist()]}\n")
+    camera = ipm_rs.Camera.load(path, image_size=SIZE)
+    assert camera == opencv.read(content())
+    column = {"mtx": K.tolist(), "dist": D.reshape(5, 1).tolist(), "rvec": [[0.1], [0.2], [0.3]], "tvec": [[1, 2, 3]]}
+    assert opencv.read(column, image_size=SIZE).camera_from_vehicle[2, 3] == 3
+    path.write_text('{"mtx": ' + str(K.tolist()) + ', "dist": ' + str(D.tolist()) + "}")
+    assert ipm_rs.Camera.load(path, image_size=SIZE) == camera
+
+
+def test_names_of_products_are_no_lenses():
+    assert opencv.read(content(camera_model="acA1920-40gc", model="pinhole")).lens == ipm_rs.BrownConrady(D)
+
+
 @pytest.mark.parametrize(
     "size",
     [

@@ -156,7 +156,7 @@ def _choose(names: list[str], camera: str | int | None, origin: str) -> str:
         if len(names) > 1:
             raise ArgumentError(f"{origin}: camera: expected one of {listed(names)}, got None; say which to read")
         return names[0]
-    name = f"cam{camera}" if isinstance(camera, int) and not isinstance(camera, bool) else camera
+    name = f"cam{camera}" if isinstance(camera, (int, np.integer)) and not isinstance(camera, bool) else camera
     if name not in names:
         raise ArgumentError(
             f"{origin}: camera: expected one of {listed(names)}, got {camera!r:.60}; choose one of them"

@@ -56,11 +56,14 @@ _SIZE = ("imagesize", "resolution", "framesize", "size")
 _MODEL = ("distortionmodel", "cameramodel", "modeltype", "model", "fisheyemodel")
 _SIDES = {"1": ("1", "left"), "2": ("2", "right")}
 _LENSES = {
-    "brown_conrady": ("brownconrady", "plumbbob", "radtan", "rationalpolynomial", "pinhole", "standard", "opencv"),
+    "brown_conrady": ("brownconrady", "plumbbob", "radtan", "rationalpolynomial", "opencv"),
     "fisheye": ("fisheye", "equidistant", "kannalabrandt", "kb4", "opencvfisheye"),
     "omnidir": ("omnidir", "omni", "mei"),
 }
 _COUNTS = {"brown_conrady": (0, 4, 5, 8, 12, 14), "fisheye": (4,), "omnidir": (4, 5)}
+
+# Where a name may have an underscore: camera_matrix, dist_coeffs.
+_SYLLABLE = re.compile("camera|intrinsic|matrix|distortion|dist|coefficients|coeffs?|intrinsics|mtx|[a-z]")
 
 Matrix = NDArray[np.float64]
 
@@ -68,14 +71,22 @@ Matrix = NDArray[np.float64]
 def missing(document: Document) -> str | None:
     """Say what a document lacks to be of this format; None if nothing."""
     text = document.text.lstrip()
-    names = "|".join((*(f"{word}(?:_?(?:1|2|left|right))?" for word in _K), "(?:left|right)_?(?:k|camera_?matrix)"))
-    spelled = names.replace("cameramatrix", "camera_?matrix").replace("intrinsicmatrix", "intrinsic_?matrix")
-    if not ("opencv-matrix" in text or text.startswith(("%YAML", "<?xml", "<opencv_storage"))):
+    written = "opencv-matrix" in text or text.startswith(("%YAML", "<?xml", "<opencv_storage"))
+    if not written and not _has_key(text, _D):  # by hand, from plain lists
         return "no opencv-matrix"
+    if not written and ("projection_matrix" in text or "rectification_matrix" in text):
+        return "projection_matrix, so ROS's"
     if "mirror_parameters" in text:
         return "mirror_parameters, so KITTI-360's"
-    found = re.search(rf'(?:^\s*|[<"])(?:{spelled})["\s]*[:> t]', text, re.MULTILINE | re.IGNORECASE)
-    return None if found else "no camera_matrix"
+    return None if _has_key(text, _K) else "no camera_matrix"
+
+
+def _has_key(text: str, names: tuple[str, ...]) -> bool:
+    """Whether the text has one of the names as a key of YAML, JSON or XML, of one camera or of one of a pair."""
+    spelled = "|".join("[_-]?".join(_SYLLABLE.findall(name)) for name in names)
+    side = "(?:1|2|left|right)"
+    pattern = rf'(?:^[ \t]*|[<"])(?:{side}[_-]?)?(?:{spelled})(?:[_-]?{side})?(?:"?[ \t]*:|[ \t]+type_id|>)'
+    return re.search(pattern, text, re.MULTILINE | re.IGNORECASE) is not None
 
 
 def read(
@@ -278,7 +289,18 @@ def _size(values: _Named, given: tuple[int, int] | None) -> tuple[int, int]:
 
 def _three(value: Any, where: str, count: int = 3) -> Matrix:
     """Three numbers, written as a row, a column or a list."""
-    return numbers(np.ravel(value).tolist() if isinstance(value, np.ndarray) else value, where, count)
+    return numbers(_flat(value), where, count)
+
+
+def _flat(value: Any) -> Any:
+    """Make a list of a matrix of one row or one column, given as an array or as nested lists; leave the rest."""
+    if isinstance(value, np.ndarray):
+        return value.ravel().tolist()
+    if isinstance(value, (list, tuple)) and len(value) == 1 and isinstance(value[0], (list, tuple)):
+        return value[0]
+    if isinstance(value, (list, tuple)) and value and all(isinstance(x, (list, tuple)) and len(x) == 1 for x in value):
+        return [item[0] for item in value]
+    return value
 
 
 def _world_pose(values: _Named, metres_per_unit: float, vehicle_from_world: ArrayLike | None) -> Matrix | None:
@@ -326,7 +348,7 @@ def _lens(values: _Named, side: str | None, lens: str | None) -> BrownConrady | 
     if not found and kind in (None, "brown_conrady"):
         return None
     value, where = _one(values, _D, side, "distortion_coefficients")
-    coefficients = numbers(np.ravel(value).tolist() if isinstance(value, np.ndarray) else value, where)
+    coefficients = numbers(_flat(value), where)
     if kind is None:
         if len(coefficients) == 4 and coefficients.any():
             raise ArgumentError(
@@ -341,7 +363,7 @@ def _lens(values: _Named, side: str | None, lens: str | None) -> BrownConrady | 
         return BrownConrady(coefficients) if coefficients.any() else None
     if xi is None:
         raise CalibrationError(f"{values.origin}: expected xi beside the coefficients of cv2.omnidir, missing; add it")
-    return Mei(float(numbers(np.ravel(xi[0]).tolist(), xi[1], 1)[0]), coefficients[:4])
+    return Mei(float(numbers(np.ravel(_flat(xi[0])).tolist(), xi[1], 1)[0]), coefficients[:4])
 
 
 def _stated(values: _Named) -> tuple[str, str] | None:
@@ -357,8 +379,9 @@ def _stated(values: _Named) -> tuple[str, str] | None:
         for lens, words in _LENSES.items():
             if word in words:
                 return lens, where
-        raise CalibrationError(
-            f"{where}: expected a known lens such as brown_conrady, fisheye or omnidir, got {describe(value)}; "
-            "correct it"
-        )
+        if name == "distortionmodel":  # other keys may hold the name of a product
+            raise CalibrationError(
+                f"{where}: expected a known lens such as brown_conrady, fisheye or omnidir, got {describe(value)}; "
+                "correct it"
+            )
     return None
