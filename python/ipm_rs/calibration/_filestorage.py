@@ -14,7 +14,6 @@ lists. Nothing else of the file is interpreted. XML with a DOCTYPE, which is whe
 
 from __future__ import annotations
 
-import json
 import math
 import re
 import xml.parsers.expat
@@ -24,6 +23,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ipm_rs.calibration._files import parse_json
 from ipm_rs.calibration._yaml import MAX_DEPTH, MAX_VALUES, Tagged, parse_yaml, scalar
 from ipm_rs.errors import CalibrationError
 
@@ -126,24 +126,9 @@ def _float(value: float) -> float:
 
 
 def _parse_json(text: str, origin: str) -> Any:
-    def unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-        content = dict(pairs)
-        if len(content) != len(pairs):
-            keys = [key for key, _ in pairs]
-            repeated = next(key for key in keys if keys.count(key) > 1)
-            raise CalibrationError(f"{origin}: expected every key once, got {repeated!r} repeated; keep one")
-        return content
-
     # OpenCV's own additions to JSON: lines that are comments, and .Nan and .Inf.
     text = _SPECIAL.sub(lambda word: "NaN" if word[2] else f"{word[1]}Infinity", _COMMENT.sub("", text))
-    try:
-        return json.loads(text, object_pairs_hook=unique)
-    except CalibrationError:
-        raise
-    except (ValueError, RecursionError) as error:
-        raise CalibrationError(
-            f"{origin}: expected JSON, got text that is not: {error}; the file may be cut short, fetch it again"
-        ) from error
+    return parse_json(text, origin)
 
 
 class _Xml:

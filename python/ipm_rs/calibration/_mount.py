@@ -14,7 +14,7 @@ from ipm_rs.errors import ArgumentError
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-__all__ = ["inverse", "metric", "mounted"]
+__all__ = ["argument", "metric", "mounted", "rigid_argument"]
 
 Matrix = NDArray[np.float64]
 
@@ -28,14 +28,6 @@ def mounted(camera_from_vehicle: ArrayLike | None, vehicle_from_camera: ArrayLik
         vehicle_from_camera=vehicle_from_camera,
     )
     return made.camera_from_vehicle
-
-
-def inverse(T: Matrix) -> Matrix:
-    """Inverse of a rigid (4, 4) transform whose rotation may have few digits: of the matrix, not by its transpose."""
-    result = np.eye(4)
-    result[:3, :3] = np.linalg.inv(T[:3, :3])
-    result[:3, 3] = -result[:3, :3] @ T[:3, 3]
-    return result
 
 
 def metric(T: Matrix, metres_per_unit: float) -> Matrix:

@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from ipm_rs._core import BrownConrady, Camera, KannalaBrandt
 from ipm_rs.calibration._checks import (
     blame,
+    inverse,
     listed,
     number,
     numbers,
@@ -35,7 +36,7 @@ from ipm_rs.calibration._checks import (
 )
 from ipm_rs.calibration._checks import image_size as checked_size
 from ipm_rs.calibration._files import Document, open_document, same_size
-from ipm_rs.calibration._mount import inverse, metric, rigid_argument
+from ipm_rs.calibration._mount import metric, rigid_argument
 from ipm_rs.calibration._yaml import scalar
 from ipm_rs.errors import ArgumentError, CalibrationError
 

@@ -26,9 +26,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ipm_rs._core import BrownConrady, Camera, DoubleSphere, Eucm, KannalaBrandt, Mei
-from ipm_rs.calibration._checks import OPTICAL_FROM_FLU, Section, blame, listed, pinhole, rigid
+from ipm_rs.calibration._checks import OPTICAL_FROM_FLU, Section, blame, inverse, listed, pinhole, rigid
 from ipm_rs.calibration._files import Document, Source, open_document, same_size
-from ipm_rs.calibration._mount import inverse, rigid_argument
+from ipm_rs.calibration._mount import rigid_argument
 from ipm_rs.calibration._yaml import parse_yaml
 from ipm_rs.errors import ArgumentError, CalibrationError
 

@@ -36,11 +36,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ipm_rs._core import BrownConrady, Camera, KannalaBrandt, Mei
-from ipm_rs.calibration._checks import blame, describe, listed, matrix, numbers, rigid, rotation, whole
+from ipm_rs.calibration._checks import blame, describe, inverse, listed, matrix, numbers, rigid, rotation, whole
 from ipm_rs.calibration._checks import image_size as checked_size
 from ipm_rs.calibration._files import Document, Source, open_document, same_size
 from ipm_rs.calibration._filestorage import parse_storage, plain
-from ipm_rs.calibration._mount import argument, inverse, mounted, rigid_argument
+from ipm_rs.calibration._mount import argument, mounted, rigid_argument
 from ipm_rs.errors import ArgumentError, CalibrationError
 
 if TYPE_CHECKING:
