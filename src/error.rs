@@ -406,13 +406,17 @@ pub enum Error {
         /// Entries that came.
         got: usize,
     },
-    /// More points than can be counted or told apart.
-    #[error("points: expected at most {limit}, got {got}; pass them in parts")]
+    /// More points, or more pixels of an image of them, than one call may make.
+    #[error("{what}: expected at most {limit} points, got {got}; {mend}")]
     TooManyPoints {
-        /// Points that came.
+        /// What asked for them.
+        what: &'static str,
+        /// How many.
         got: usize,
         /// The limit.
         limit: usize,
+        /// What the caller can do.
+        mend: &'static str,
     },
     /// A matrix that projects onto a line or a point.
     #[error("K: expected an invertible 3x3 matrix of finite numbers, got {got:?}")]

@@ -74,8 +74,8 @@ pub fn points_size((width, height): (usize, usize), stride: usize) -> (usize, us
 /// depth is not positive, not finite or outside the limits, where the mask is 0, and where the lens sees nothing.
 ///
 /// # Errors
-/// [`Error::DepthLimit`], [`Error::DepthSize`], [`Error::DepthChannels`], [`Error::OutputShape`], [`Error::Threads`],
-/// [`Error::Isa`] and [`Error::OutOfMemory`], before anything is written.
+/// [`Error::DepthLimit`], [`Error::DepthSize`], [`Error::DepthChannels`], [`Error::TooManyPoints`],
+/// [`Error::OutputShape`], [`Error::Threads`], [`Error::Isa`] and [`Error::OutOfMemory`], before anything is written.
 pub fn points_from_depth_into<T: DepthSample, O: PointSample>(
     depth: &ImageView<'_, T>,
     camera: &Camera,
@@ -198,6 +198,8 @@ impl<'a, T: DepthSample> Job<'a, T> {
             let mend = "give it one entry for each pixel";
             return Err(Error::DepthSize { what: "mask", of: "depth is", expected, got, mend });
         }
+        let size = points_size(got, options.stride);
+        super::check_points("depth", size, "use stride or camera.cropped()")?;
         let rotation = frame_from_camera.rotation();
         Ok(Self {
             depth,
@@ -209,7 +211,7 @@ impl<'a, T: DepthSample> Job<'a, T> {
             origin: (*frame_from_camera.translation()).into(),
             isa: Isa::active()?,
             threads: super::threads_for(options.threads, depth.width() * depth.height() * 16)?,
-            size: points_size(got, options.stride),
+            size,
         })
     }
 

@@ -32,6 +32,15 @@ fn threads_for(requested: Option<usize>, bytes: usize) -> Result<usize> {
     Ok(if bytes < INLINE_BYTES { 1 } else { threads })
 }
 
+/// Most points that one depth image may become, and most pixels that points may be drawn into: 2^28, 3 GiB of points.
+pub const MAX_POINTS: usize = 1 << 28;
+
+/// Refuses more, before any memory is asked for.
+pub(crate) fn check_points(what: &'static str, (width, height): (usize, usize), mend: &'static str) -> Result<()> {
+    let got = width.saturating_mul(height);
+    if got <= MAX_POINTS { Ok(()) } else { Err(Error::TooManyPoints { what, got, limit: MAX_POINTS, mend }) }
+}
+
 /// A number of elements whose buffer can be had, or an error.
 pub(crate) fn reserved<T>(what: &'static str, count: usize) -> Result<Vec<T>> {
     let mut buffer = Vec::new();

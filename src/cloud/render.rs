@@ -63,9 +63,11 @@ pub fn render_points_into<T: PointSample>(
             return Err(Error::OutputShape { expected: (height, width, 1), got });
         }
     }
+    super::check_points("camera", (width, height), "use camera.resized()")?;
     let splat = Splat::new(options, width.max(height))?;
     if points.len() > u32::MAX as usize {
-        return Err(Error::TooManyPoints { got: points.len(), limit: u32::MAX as usize });
+        let (got, limit) = (points.len(), u32::MAX as usize);
+        return Err(Error::TooManyPoints { what: "points", got, limit, mend: "draw them in parts" });
     }
     let isa = Isa::active()?;
     let threads = super::threads_for(options.threads, points.len().saturating_mul(64) + width * height)?;

@@ -103,17 +103,7 @@ impl<'py> ImageArray<'py> {
 
     /// A new array, not initialised.
     pub(super) fn allocate(shape: &[usize], dtype: Bound<'py, PyArrayDescr>, layout: Layout) -> PyResult<Self> {
-        let py = dtype.py();
-        let mut shape = shape.to_vec();
-        let dims_of = shape.as_mut_ptr().cast::<npy_intp>();
-        // SAFETY: `shape` has as many lengths as it says, the dtype is one of which NumPy takes over a reference, and a
-        // new reference or null comes back. An array of that dtype is what `numpy.empty` makes, without the cost of
-        // asking for it by name.
-        let array = unsafe {
-            let dtype = dtype.into_dtype_ptr();
-            Bound::from_owned_ptr_or_err(py, PY_ARRAY_API.PyArray_Empty(py, shape.len() as _, dims_of, dtype, 0))?
-        };
-        Self::of("out", array.cast_into()?, layout)
+        Self::of("out", empty_array(shape, dtype)?, layout)
     }
 
     /// Checks that `object` can take the result of warping this image.
@@ -292,6 +282,24 @@ fn in_use(name: &str) -> PyErr {
     ImageError::new_err(format!(
         "{name}: another call is writing to or reading from this memory; use one array a thread"
     ))
+}
+
+/// A new array, not initialised; NumPy's `MemoryError` where there is no memory for it.
+pub(super) fn empty_array<'py>(
+    shape: &[usize],
+    dtype: Bound<'py, PyArrayDescr>,
+) -> PyResult<Bound<'py, PyUntypedArray>> {
+    let py = dtype.py();
+    let mut shape = shape.to_vec();
+    let dims_of = shape.as_mut_ptr().cast::<npy_intp>();
+    // SAFETY: `shape` has as many lengths as it says, the dtype is one of which NumPy takes over a reference, and a new
+    // reference or null comes back. An array of that dtype is what `numpy.empty` makes, without the cost of asking for it
+    // by name.
+    let array = unsafe {
+        let dtype = dtype.into_dtype_ptr();
+        Bound::from_owned_ptr_or_err(py, PY_ARRAY_API.PyArray_Empty(py, shape.len() as _, dims_of, dtype, 0))?
+    };
+    Ok(array.cast_into()?)
 }
 
 /// An image whose array is borrowed for reading.

@@ -104,7 +104,12 @@ impl<T: Real> Source<'_, T> {
             return Err(Error::PointColumns { expected, got: columns });
         }
         if count > MAX_POINTS {
-            return Err(Error::TooManyPoints { limit: MAX_POINTS, got: count });
+            return Err(Error::TooManyPoints {
+                what: "points",
+                limit: MAX_POINTS,
+                got: count,
+                mend: "pass them in parts",
+            });
         }
         match self.values {
             Some(values) if values.rows() != count || values.channels() == 0 => {

@@ -7,8 +7,9 @@ Four steps, each a few lines, written for obviousness and not for speed:
 3. points -> pixels and back: :func:`project`, :func:`ground_from_pixels`, and :func:`maps` for a whole grid;
 4. image + maps -> bird's-eye view: :func:`remap_nearest`, :func:`remap_bilinear`, with :func:`valid_mask`.
 
-:func:`rasterize` collects points in the cells of a grid; :mod:`~ipm_rs.reference.lenses` has the lens models;
-:func:`flip_handedness` and its kin convert between left- and right-handed frames.
+From depth images to points and from points to what a camera sees of them: :mod:`~ipm_rs.reference.clouds`, whose names
+are here too. :func:`rasterize` collects points in the cells of a grid; :mod:`~ipm_rs.reference.lenses` has the lens
+models; :func:`flip_handedness` and its kin convert between left- and right-handed frames.
 
 Conventions are those of the package. Vehicle frame: ISO 8855 (x forward, y left, z up), metres. Camera frame: OpenCV
 optical (x right, y down, z forward). Pixel (0, 0) is the centre of the top-left pixel. Transforms are named
@@ -25,12 +26,26 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from . import lenses  # relative: the package also works when it is loaded from its folder alone
+# relative: the package also works when it is loaded from its folder alone
+from . import clouds, lenses
+from .clouds import (
+    decode_carla_depth,
+    depth_to_lidar,
+    depth_to_local_point_cloud,
+    encode_carla_depth,
+    nearest_points,
+    points_from_depth,
+)
 from .raster import rasterize
 
 __all__ = [
     "OPTICAL_FROM_FLU",
     "camera_from_euler",
+    "clouds",
+    "decode_carla_depth",
+    "depth_to_lidar",
+    "depth_to_local_point_cloud",
+    "encode_carla_depth",
     "flip_handedness",
     "flip_handedness_euler",
     "flip_handedness_pose",
@@ -41,6 +56,8 @@ __all__ = [
     "intrinsic_matrix",
     "lenses",
     "maps",
+    "nearest_points",
+    "points_from_depth",
     "project",
     "rasterize",
     "remap_bilinear",

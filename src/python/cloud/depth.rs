@@ -6,7 +6,9 @@ use pyo3::types::{PyList, PyTuple};
 
 use super::gather;
 use super::options::{self, depth_image, mask_image, wrong_dtype};
-use crate::cloud::{DepthOptions, DepthSample, PointSample, cloud_from_depth, points_from_depth_into, points_size};
+use crate::cloud::{
+    DepthOptions, DepthSample, PointSample, check_points, cloud_from_depth, points_from_depth_into, points_size,
+};
 use crate::geometry::Pose;
 use crate::python::convert::{flag, float, tuple_text, whole};
 use crate::python::error::classes::{ArgumentError, ImageError};
@@ -143,6 +145,7 @@ impl<'py> Call<'py> {
         let py = self.depth.dtype().py();
         let (width, height) = points_size(self.depth.size(), self.options.stride);
         let (shape, kind) = ([height, width, 3], dtype::<O>(py));
+        check_points("depth", (width, height), "use stride or camera.cropped()")?; // before it is allocated
         let out = match &self.out {
             Some(out) => {
                 let dtype = (&kind, "that of dtype=", "dtype");

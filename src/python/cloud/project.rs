@@ -1,10 +1,11 @@
 //! Points to pixels, many at once.
 
-use numpy::{PyArray1, PyArray2, PyArrayMethods};
+use numpy::{PyArray1, PyArray2, PyArrayMethods, dtype};
 use pyo3::prelude::*;
 
 use crate::Camera;
 use crate::cloud::{PointSample, Projections, project_into};
+use crate::python::image::empty_array;
 use crate::python::points::PointsArray;
 
 /// uv, depth and valid.
@@ -33,11 +34,13 @@ fn project_as<'py, T: PointSample>(
 ) -> PyResult<Projected<'py>> {
     let read = points.read()?;
     let view = read.view::<T>()?;
-    // SAFETY: arrays of numbers that are all written before anyone else sees them. NumPy allocates them, because it asks
-    // for huge pages, without which a million points take half as long again.
-    let (uv, depth) =
-        unsafe { (PyArray2::<f64>::new(py, [view.len(), 2], false), PyArray1::<f64>::new(py, view.len(), false)) };
-    let valid = PyArray1::<bool>::zeros(py, view.len(), false);
+    // NumPy allocates them, because it asks for huge pages, without which a million points take half as long again
+    let count = view.len();
+    let uv = empty_array(&[count, 2], dtype::<f64>(py))?.cast_into::<PyArray2<f64>>()?;
+    let depth = empty_array(&[count], dtype::<f64>(py))?.cast_into::<PyArray1<f64>>()?;
+    let valid = empty_array(&[count], dtype::<u8>(py))?.cast_into::<PyArray1<u8>>()?;
+    valid.readwrite().as_slice_mut()?.fill(0); // any bits are a number, but not a bool
+    let valid = valid.call_method1("view", (dtype::<bool>(py),))?.cast_into::<PyArray1<bool>>()?;
     {
         let (mut uv, mut depth, mut valid) = (uv.readwrite(), depth.readwrite(), valid.readwrite());
         let out = Projections {

@@ -6,7 +6,7 @@ use pyo3::types::PyTuple;
 
 use super::gather::{as_image, by_size};
 use super::options::{self, wrong_dtype};
-use crate::cloud::{PointSample, RenderOptions, paint_into, render_points_into};
+use crate::cloud::{PointSample, RenderOptions, check_points, paint_into, render_points_into};
 use crate::image::Sample;
 use crate::python::camera::PyCamera;
 use crate::python::convert::{float, tuple_text, type_name};
@@ -75,6 +75,7 @@ fn render_as<'py, T: PointSample>(
     let read = points.read()?;
     let view = read.view::<T>()?;
     let shape = [camera.image_size().1 as usize, camera.image_size().0 as usize];
+    check_points("camera", (shape[1], shape[0]), "use camera.resized()")?; // before it is allocated
     let depth = ImageArray::allocate(&shape, dtype::<f32>(py), Layout::Hwc)?;
     let index = ImageArray::allocate(&shape, dtype::<i64>(py), Layout::Hwc)?;
     {
