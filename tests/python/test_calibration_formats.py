@@ -6,6 +6,7 @@ import inspect
 import json
 import logging
 
+import numpy as np
 import pytest
 from calibration_samples import SAMPLES, Sample
 from helpers import refuses
@@ -124,8 +125,9 @@ def test_path_of_another_type(path):
 # ---------------------------------------------------------------------------------------------------------------------
 # Whatever the bytes: a camera or one of our errors
 
+WORDS = rb"nan inf 1e999 1e308 1e-320 -1 0 1_0 x ] &a".split() + [b"\n", b"\x00", b"\xff", b": ", b"&a *a"]
 TOKENS = [b"nan", b"-", b"1e999", b"0", b"\n", b"[", b"{", b'"']
-fuzzed = settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+fuzzed = settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 
 
 def harmless(sample: Sample, files: dict[str, bytes], directory) -> None:
@@ -159,6 +161,20 @@ def test_any_bytes_changed(sample, data, tmp_path):
         new = data.draw(st.one_of(st.binary(max_size=3), st.sampled_from(TOKENS)))
         content[at : at + data.draw(st.integers(0, 4))] = new
     harmless(sample, {**sample.files, name: bytes(content)}, tmp_path)
+
+
+@each_sample
+@fuzzed
+@given(data=st.data())
+def test_any_word_changed(sample, data, tmp_path):
+    names = [name for name in sample.files if not name.endswith((".json", ".feather"))]
+    if not names:
+        return
+    name = data.draw(st.sampled_from(names))
+    words = sample.files[name].split(b" ")
+    at = data.draw(st.integers(0, len(words) - 1))
+    words[at : at + data.draw(st.integers(0, 1))] = data.draw(st.lists(st.sampled_from(WORDS), max_size=2))
+    harmless(sample, {**sample.files, name: b" ".join(words)}, tmp_path)
 
 
 values = st.one_of(
@@ -207,3 +223,32 @@ def test_any_json_value_changed(sample, data, tmp_path):
     path = data.draw(st.sampled_from(list(places(content))))
     content = changed(content, path, data.draw(values), data.draw(st.sampled_from(["replace", "remove", "other"])))
     harmless(sample, {**sample.files, name: json.dumps(content).encode()}, tmp_path)
+
+
+objects = st.one_of(
+    values, st.just(b"x"), st.just(1j), st.just(object()), st.just(np.zeros((3, 3))), st.just(np.eye(4)),
+    st.just(np.array([None])), st.just(np.array("x")), st.just(np.array([1j])), st.just(np.float32(2)),
+    st.just({None: 1}), st.just(range(3)), st.just(np.array([], float)), st.just(np.ma.masked), st.just(float), st.just({1}),
+)  # fmt: skip
+
+
+@each_sample
+@fuzzed
+@given(data=st.data())
+def test_any_value_of_a_mapping_changed(sample, data):
+    """Mappings hold what no file can."""
+    content = next(iter(sample.files.values()))
+    if content[:1] not in (b"{", b"["):
+        return
+    content = json.loads(content)
+    *path, last = data.draw(st.sampled_from([path for path in places(content) if path]))
+    parent = content
+    for key in path:
+        parent = parent[key]
+    parent[last] = data.draw(objects)
+    try:
+        camera = getattr(ipm_rs.Camera, f"from_{sample.format}")(content, **sample.options)
+    except errors.IpmError as error:
+        assert len(str(error)) < 8000
+    else:
+        assert isinstance(camera, ipm_rs.Camera)

@@ -180,7 +180,7 @@ def test_nuimages_has_a_lens():
         ({"translation": {"x": 1}}, "translation: expected a list of 3 numbers, got dict"),
         ({"camera_intrinsic": [[1, 0, 0], [0, 1, 0]]}, "camera_intrinsic: expected a 3x3 matrix, got 2 rows of 3"),
         ({"camera_intrinsic": [[0, 0, 0]] * 3}, "nuScenes calibration"),
-        ({"camera_distortion": [0.1] * 3}, "camera_distortion: expected 4, 5 or 6 numbers, got 3"),
+        ({"camera_distortion": [0.1] * 3}, "camera_distortion: expected 0, 4, 5 or 6 numbers, got 3"),
     ],
 )
 def test_nuscenes_refused(change, named):

@@ -236,9 +236,10 @@ def pinhole(fx: float, fy: float, cx: float, cy: float, skew: float = 0.0) -> Ma
 
 @contextmanager
 def blame(origin: str) -> Iterator[None]:
-    """Put the file's name before whatever a camera or a lens made in the block finds wrong."""
+    """Put the file's name before whatever a camera or a lens made in the block finds wrong; NumPy warns of nothing."""
     try:
-        yield
+        with np.errstate(all="ignore"):
+            yield
     except (CalibrationError, ArgumentError, ArgumentTypeError) as error:
         if str(error).startswith(origin):
             raise

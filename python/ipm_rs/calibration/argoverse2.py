@@ -18,6 +18,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ipm_rs._core import Camera
 from ipm_rs.calibration._checks import Section, blame, describe, listed, pinhole, quaternion, rigid
 from ipm_rs.calibration._files import Document, Source, open_document
@@ -33,6 +35,7 @@ _MAX_BYTES, _MAX_ROWS = 1 << 20, 1000  # the dataset's have 4 kB and 11 rows
 _POSE = ("qw", "qx", "qy", "qz", "tx_m", "ty_m", "tz_m")
 
 
+@np.errstate(all="ignore")  # what overflows is for the camera to refuse, not for NumPy to warn of
 def read(source: Source, *, camera: str = "ring_front_center") -> Camera:
     """Read a camera of an Argoverse 2 log.
 

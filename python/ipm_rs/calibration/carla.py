@@ -51,6 +51,7 @@ _SIZE = ("image_size_x", "image_size_y")
 _NAMES: dict[Any, tuple[str, ...]] = {"location": _AXES, "rotation": _ANGLES}
 
 
+@np.errstate(all="ignore")  # what overflows is for the camera to refuse, not for NumPy to warn of
 def read(
     source: Source | None = None,
     *,

@@ -22,6 +22,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+import numpy as np
+
 from ipm_rs._core import Camera
 from ipm_rs.calibration._checks import OPTICAL_FROM_FLU, Section, describe, pinhole, rigid
 from ipm_rs.calibration._files import Document, Source, keys_missing, read_json, same_size
@@ -37,6 +39,7 @@ _SECTIONS = {
 }
 
 
+@np.errstate(all="ignore")  # what overflows is for the camera to refuse, not for NumPy to warn of
 def read(source: Source, *, image_size: tuple[int, int] = (2048, 1024)) -> Camera:
     """Read a Cityscapes camera calibration.
 

@@ -53,6 +53,7 @@ _SIZES = (
 )
 
 
+@np.errstate(all="ignore")  # what overflows is for the camera to refuse, not for NumPy to warn of
 def read(
     source: Source,
     *,

@@ -41,6 +41,7 @@ _PERSPECTIVE, _TO_POSE, _TO_VELODYNE = "perspective.txt", "calib_cam_to_pose.txt
 _FLU_FROM_POSE = np.diag([1.0, -1.0, -1.0, 1.0])
 
 
+@np.errstate(all="ignore")  # what overflows is for the camera to refuse, not for NumPy to warn of
 def read(source: Source, *, camera: int | str | None = None, frame: Frame = "velodyne") -> Camera:
     """Read a camera of a KITTI-360 calibration.
 

@@ -40,6 +40,7 @@ Frame = Literal["velodyne", "imu", "camera"]
 _CAMERAS, _VELODYNE, _IMU = "calib_cam_to_cam.txt", "calib_velo_to_cam.txt", "calib_imu_to_velo.txt"
 
 
+@np.errstate(all="ignore")  # what overflows is for the camera to refuse, not for NumPy to warn of
 def read(source: Source, *, camera: int | str = 2, rectified: bool = True, frame: Frame = "velodyne") -> Camera:
     """Read a camera of a KITTI raw calibration.
 

@@ -93,8 +93,8 @@ def read(source: Source, *, image_size: tuple[int, int] | None = None) -> Camera
         raise CalibrationError(
             f"{content.origin}: expected ImageSize [rows columns], missing; add it, or pass image_size="
         )
-    if "worldunits" in values and values["worldunits"][0] not in ("meters", "metres", "m"):
-        value, where = values["worldunits"]
+    value, where = values.get("worldunits", ("m", ""))
+    if not (isinstance(value, str) and value in ("meters", "metres", "m")):
         raise CalibrationError(f"{where}: expected 'meters', got {describe(value)}; convert Height and SensorLocation")
     x, y = numbers(*values["sensorlocation"], 2, unit="metres") if "sensorlocation" in values else (0.0, 0.0)
     height = number(*values["height"], unit="metres") if "height" in values else 0.0

@@ -26,6 +26,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ipm_rs._core import BrownConrady, Camera
 from ipm_rs.calibration._checks import Section, blame, describe, listed, rigid
 from ipm_rs.calibration._files import Document, keys_missing, needs_size, open_document
@@ -40,6 +42,7 @@ _LYFT_TOKEN_LENGTH = 64
 _TABLE, _SENSORS = "calibrated_sensor.json", "sensor.json"
 
 
+@np.errstate(all="ignore")  # what overflows is for the camera to refuse, not for NumPy to warn of
 def read(
     source: str | os.PathLike[str] | Mapping[str, Any] | Sequence[Mapping[str, Any]],
     *,
@@ -109,9 +112,11 @@ def missing(document: Document) -> str | None:
 
 def _lens(place: Section) -> BrownConrady | None:
     """NuImages' ``camera_distortion``; an empty list is none."""
-    if not place.content.get("camera_distortion"):
+    if place.content.get("camera_distortion") is None:
         return None
-    values = place.numbers("camera_distortion", (4, 5, 6))
+    values = place.numbers("camera_distortion", (0, 4, 5, 6))
+    if not len(values):
+        return None
     if len(values) == 6 and values[5] != 0:
         raise CalibrationError(
             f"{place.where('camera_distortion')}[5]: expected five coefficients k1 k2 p1 p2 k3, got a sixth, "
@@ -133,7 +138,7 @@ def _record(source: Any, camera: Any, sensors: Any) -> Section:
     if camera is not None and not isinstance(camera, str):
         raise ArgumentTypeError(f"camera: expected a token or a name, got {describe(camera)}; pass text: 'CAM_FRONT'")
     if isinstance(content, Mapping):
-        if camera is not None and camera not in (content.get("token"), content.get("sensor_token")):
+        if camera is not None and camera not in (_text(content, "token"), _text(content, "sensor_token")):
             raise ArgumentError(f"camera: expected none for one record, got {camera!r}; drop it")
         return Section(content, origin)
     if not isinstance(content, (list, tuple)):
@@ -148,16 +153,18 @@ def _choose(records: Sequence[Any], origin: str, camera: str | None, names: Mapp
     if camera is None:
         found = [index for index, record in enumerate(records) if not _no_camera(record)]
     else:
-        found = [index for index, record in enumerate(records) if record.get("token") == camera]
+        found = [index for index, record in enumerate(records) if _text(record, "token") == camera]
         found = found or [
             index
             for index, record in enumerate(records)
-            if camera in (record.get("sensor_token"), _name(record, names))
+            if camera in (_text(record, "sensor_token"), _name(record, names))
         ]
     different = {repr([records[index].get(key) for key in (*_KEYS, "camera_distortion")]) for index in found}
     if len(different) == 1:
         return Section(records[found[0]], origin, f"[{found[0]}]")
-    choice = sorted({str(_name(record, names) or record.get("token")) for record in records if not _no_camera(record)})
+    choice = sorted(
+        {_name(record, names) or _text(record, "token") or "?" for record in records if not _no_camera(record)}
+    )
     if found and camera is not None:
         raise ArgumentError(
             f"camera: expected one calibration, got {camera!r}, which {origin} has {len(different)} of; pass the "
@@ -170,8 +177,12 @@ def _choose(records: Sequence[Any], origin: str, camera: str | None, names: Mapp
 
 
 def _name(record: Mapping[str, Any], names: Mapping[Any, str]) -> str | None:
-    token = record.get("sensor_token")
-    return names.get(token) if isinstance(token, str) else None
+    return names.get(_text(record, "sensor_token") or "")
+
+
+def _text(record: Mapping[str, Any], key: str) -> str | None:
+    value = record.get(key)
+    return value if isinstance(value, str) else None
 
 
 def _no_camera(record: Mapping[str, Any]) -> bool:

@@ -20,6 +20,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
 from ipm_rs._core import BrownConrady, Camera
 from ipm_rs.calibration._checks import OPTICAL_FROM_FLU, Section, blame, describe, listed, pinhole, pose, rigid
 from ipm_rs.calibration._files import Document, Source, open_document
@@ -36,6 +38,7 @@ _COLUMNS = ("f_u", "f_v", "c_u", "c_v", "k1", "k2", "p1", "p2", "k3")
 _NAME_COLUMN = "key.camera_name"
 
 
+@np.errstate(all="ignore")  # what overflows is for the camera to refuse, not for NumPy to warn of
 def read(
     source: Source | Sequence[Mapping[str, Any]],
     *,
