@@ -8,7 +8,7 @@ use crate::error::{Error, Result};
 use crate::ground::Plane;
 
 /// Parts in which the circle of the horizon's directions is looked at.
-const PARTS: usize = 120;
+const PARTS: usize = 32;
 
 impl Camera {
     /// The horizon of a plane on the image, clipped to the rectangle of pixel centres: pixels whose rays run along the

@@ -7,8 +7,9 @@ use super::{Camera, check_tracing};
 use crate::error::Result;
 use crate::ground::Ground;
 
-/// Angle, radians, seen from the camera, after which a line is asked again where a lens puts it.
-const PART: f64 = 0.05;
+/// Angle, radians, seen from the camera, that a part of a line behind a lens has at most: it is asked for at both ends
+/// and at three places between, so nothing that is wider than a quarter of it is overlooked.
+const PART: f64 = 0.2;
 
 /// A line on a height map is asked again after so many spacings of its nodes.
 const SPACINGS: f64 = 0.5;

@@ -10,6 +10,9 @@ const DEEPEST: u32 = 44;
 /// cut from it.
 const FAR: f64 = 1e7;
 
+/// Pixels that two points of a piece are apart, if there is one more between them.
+const SHORTEST: f64 = 1e-3;
+
 /// Gathers the image of a curve: clips it to a rectangle, and cuts it where there is no image.
 pub(super) struct Tracer {
     low: Pixel,
@@ -91,11 +94,11 @@ impl Tracer {
         self.part(middle, end, depth - 1, image);
     }
 
-    /// Whether points all lie beyond one side of the rectangle.
+    /// Whether points all lie beyond one side of the rectangle, so that what is between them does too.
     fn misses(&self, points: [Pixel; 5]) -> bool {
         (0..2).any(|axis| {
-            points.iter().all(|point| point[axis] < self.low[axis])
-                || points.iter().all(|point| point[axis] > self.high[axis])
+            points.iter().all(|point| point[axis] < self.low[axis] - self.tolerance)
+                || points.iter().all(|point| point[axis] > self.high[axis] + self.tolerance)
         })
     }
 
@@ -127,11 +130,15 @@ impl Tracer {
         };
         let (start, end) = (if from > 0.0 { at(from) } else { a }, if to < 1.0 { at(to) } else { b });
         match self.pieces.last_mut() {
-            Some(piece) if self.open && piece.last() == Some(&start) => {
-                if end != start {
+            Some(piece) if self.open && piece.last() == Some(&start) => match piece.iter().rev().nth(1) {
+                // towards a cut the parts become ever shorter
+                Some(before) if (end[0] - before[0]).hypot(end[1] - before[1]) < SHORTEST => {
+                    piece.pop();
                     piece.push(end);
                 }
-            }
+                _ if end != start => piece.push(end),
+                _ => {}
+            },
             // what only touches a corner is no line
             _ if end != start => self.pieces.push(vec![start, end]),
             _ => {}

@@ -69,7 +69,9 @@ fn normalised(what: &'static str, points: &[[f64; 2]]) -> Result<(Vec<[f64; 2]>,
     let centre = [0, 1].map(|axis| points.iter().map(|point| point[axis] / count).sum::<f64>());
     let spread = points.iter().map(|p| (p[0] - centre[0]).hypot(p[1] - centre[1]) / count).sum::<f64>();
     let scale = std::f64::consts::SQRT_2 / spread;
-    if !(scale.is_finite() && scale > 0.0) {
+    // what rounding left of a spread is none
+    let apart = spread > 1e-13 * centre[0].abs().max(centre[1].abs());
+    if !(apart && scale.is_finite() && scale > 0.0) {
         let got = format!("{} that coincide or are beyond all measure", points.len());
         return Err(Error::Points { what, expected: "points apart", got });
     }

@@ -12,7 +12,7 @@ use super::error::classes::{ArgumentError, ArgumentTypeError};
 use super::ground_points::bev_grid;
 use crate::{Ground, HeightMap, Plane};
 
-/// A plane road: any but an upright one.
+/// A plane road: any but an upright one, wherever `ground=` is taken.
 #[pyclass(frozen, eq, hash, module = "ipm_rs", name = "Plane")]
 #[derive(PartialEq)]
 pub(super) struct PyPlane {

@@ -36,8 +36,9 @@ FUNCTIONS = (
 MEMBERS = {
     "Camera": (
         "from_euler load save to_json intrinsics lens image_size camera_from_vehicle vehicle_from_camera position "
-        "project unproject ground_from_pixels resized cropped with_pose from_vanishing_point binned rotated180 mirrored "
-        "pixels_from_cells cells_from_pixels project_polyline horizon horizon_line ground_range row_ranges range_error"
+        "project unproject ground_from_pixels resized cropped with_pose binned rotated180 mirrored "
+        "from_vanishing_point pixels_from_cells cells_from_pixels project_polyline horizon horizon_line ground_range "
+        "row_ranges range_error"
     ),
     "BrownConrady": "coefficients max_angle",
     "KannalaBrandt": "coefficients max_angle",
