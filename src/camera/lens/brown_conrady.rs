@@ -236,6 +236,11 @@ impl BrownConrady {
         // polynomials of r, not of r^2, because the tangential terms are odd
         let n = [1.0, 0.0, k1, 0.0, k2, 0.0, k3];
         let d = [1.0, 0.0, k4, 0.0, k5, 0.0, k6];
+        // short of a pole of L by more than rounding
+        let before_pole = polynomial::positive_until(&d, WIDEST).map_or(WIDEST, |pole| pole * (1.0 - 1e-9));
+        if prism.iter().any(|&value| value != 0.0) {
+            return self.radius_by_scan(before_pole);
+        }
         let (nd, dd) = (polynomial::product(&n, &d), polynomial::product(&d, &d));
         // L D^2 = N D; the derivative of r L, times D^2, is N D + r (N' D - N D')
         let cross = polynomial::sum(
@@ -250,19 +255,17 @@ impl BrownConrady {
         // determinant is smallest at t = pi, (g - 6 a)(L - 2 a), as long as g + 3 L > 16 a.
         let a = polynomial::product(&[0.0, p1.hypot(p2)], &dd);
         let conditions = [
-            d.to_vec(),
             polynomial::sum(1.0, &slope, -6.0, &a),
             polynomial::sum(1.0, &nd, -2.0, &a),
             polynomial::sum(1.0, &polynomial::sum(1.0, &slope, 3.0, &nd), -16.0, &a),
         ];
         let ends = conditions.iter().filter_map(|condition| polynomial::positive_until(condition, WIDEST));
-        let radius = ends.fold(WIDEST, f64::min);
-        if prism.iter().all(|&value| value == 0.0) { radius } else { self.radius_by_scan(radius) }
+        ends.fold(before_pole, f64::min)
     }
 
     /// Where thin prism terms fold the image or a tilt takes it through infinity, looked for in all directions.
     fn radius_by_scan(&self, end: f64) -> f64 {
-        const AZIMUTHS: u32 = 360;
+        const AZIMUTHS: u32 = 180;
         const STEPS: u32 = 512;
         let azimuths: Vec<_> =
             (0..AZIMUTHS).map(|i| (f64::from(i) / f64::from(AZIMUTHS) * std::f64::consts::TAU).sin_cos()).collect();
@@ -304,5 +307,77 @@ fn tilt(tau_x: f64, tau_y: f64) -> Matrix3<f64> {
 impl std::fmt::Display for BrownConrady {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(f, "BrownConrady([{}]{})", listed(self.coefficients()), shown(self.limit))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const KITTI: [f64; 5] = [-3.691481e-01, 1.968681e-01, 1.353473e-03, 5.677587e-04, -6.770705e-02];
+    const ALL: [f64; 14] = [0.1, 0.02, 1e-3, -2e-3, 3e-3, 0.2, 0.1, 0.01, 1e-3, 2e-3, -1e-3, 3e-4, 0.0, 0.0];
+
+    #[test]
+    fn the_jacobian_is_that_of_differences() {
+        for c in [&KITTI[..], &ALL[..12]] {
+            let lens = BrownConrady::new(c, None).unwrap();
+            let free = BrownConrady { end: f64::INFINITY, ..lens };
+            for i in 0..400 {
+                let (x, y) = (f64::from(i % 20) * 0.13 - 1.25, f64::from(i / 20) * 0.13 - 1.25);
+                let h = 1e-5;
+                let at = |x, y| Vector2::from(<[f64; 2]>::from(free.bend::<14>(x, y, true)));
+                let along_x = (at(x + h, y) - at(x - h, y)) / (2.0 * h);
+                let along_y = (at(x, y + h) - at(x, y - h)) / (2.0 * h);
+                let numeric = Matrix2::from_columns(&[along_x, along_y]);
+                assert!((numeric - lens.jacobian(x, y)).abs().max() < 1e-8, "{x} {y}");
+            }
+        }
+    }
+
+    #[test]
+    fn inside_the_domain_the_jacobian_is_positive_and_at_its_edge_it_is_zero() {
+        let folds = [&KITTI[..], &[-0.3, 0.02, 0.02, -0.03], &[-0.2, 0.0, 0.0, 0.0, 0.0, 0.3, 0.0, 0.0]];
+        let prisms = [&[-0.3, 0.02, 0.01, -0.02, 0.0, 0.0, 0.0, 0.0, 0.03, 0.01, -0.05, 0.0][..]];
+        for c in folds.into_iter().chain(prisms) {
+            let lens = BrownConrady::new(c, None).unwrap();
+            let least = |r: f64| {
+                let azimuths = (0..3600).map(|i| (f64::from(i) / 3600.0 * std::f64::consts::TAU).sin_cos());
+                azimuths
+                    .map(|(s, c)| {
+                        let j = lens.jacobian(r * c, r * s);
+                        (j + j.transpose()).symmetric_eigenvalues().min() / 2.0
+                    })
+                    .fold(f64::INFINITY, f64::min)
+            };
+            let end = lens.max_radius();
+            assert!(end > 0.3 && end < 5.0, "{c:?} {end}");
+            for i in 0..100 {
+                assert!(least(end * f64::from(i) / 100.0) > 0.0, "{c:?}");
+            }
+            assert!(least(end).abs() < 1e-4 && least(end * 1.001) < 0.0, "{c:?} {}", least(end));
+        }
+    }
+
+    #[test]
+    fn the_limits_that_were_published() {
+        // radial derivative alone: KITTI raw camera 2, see the fold-over hazard
+        let radial = BrownConrady::new(&[KITTI[0], KITTI[1], 0.0, 0.0, KITTI[4]], None).unwrap();
+        assert!((radial.max_angle().to_degrees() - 50.44).abs() < 0.005, "{}", radial.max_angle().to_degrees());
+        let all = BrownConrady::new(&KITTI, None).unwrap();
+        assert!(all.max_angle() < radial.max_angle() && all.max_angle() > radial.max_angle() - 0.002);
+    }
+
+    #[test]
+    fn a_pole_of_the_rational_form_ends_the_domain() {
+        let lens = BrownConrady::new(&[0.0, 0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0], None).unwrap();
+        assert!((lens.max_radius() - 1.0).abs() < 1e-8); // 1 - s, and up to it the radius grows
+    }
+
+    #[test]
+    fn no_distortion_is_a_pinhole() {
+        let lens = BrownConrady::new(&[0.0; 5], None).unwrap();
+        assert_eq!(lens.distort(3e9, -1.0, 2.0), (1.5e9, -0.5));
+        assert_eq!(lens.max_angle(), std::f64::consts::FRAC_PI_2);
+        assert_eq!(lens, BrownConrady::new(&[0.0; 14], None).unwrap());
     }
 }

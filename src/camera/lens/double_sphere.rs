@@ -9,8 +9,8 @@ use crate::error::Result;
 /// `d2 = sqrt(X^2 + Y^2 + k^2)`: `m = (X, Y) / (alpha d2 + (1 - alpha) k)`. Source: Usenko, Demmel and Cremers 2018
 /// (basalt and Kalibr `ds`).
 ///
-/// Its domain is `Z > -w2 d1`, `w1 = alpha / (1 - alpha)` up to alpha = 1/2, its inverse beyond,
-/// `w2 = (w1 + xi) / sqrt(2 w1 xi + xi^2 + 1)`.
+/// Its domain is theirs, `Z > -w2 d1`, `w1 = alpha / (1 - alpha)` up to alpha = 1/2, its inverse beyond,
+/// `w2 = (w1 + xi) / sqrt(2 w1 xi + xi^2 + 1)`, and where xi < 0 takes that beyond the fold, what the fold leaves.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DoubleSphere {
     xi: f64,
@@ -32,7 +32,11 @@ impl DoubleSphere {
         parameter(NAME, "alpha", expected, alpha, (0.0..=1.0).contains(&alpha))?;
         let w1 = if alpha <= 0.5 { alpha / (1.0 - alpha) } else { (1.0 - alpha) / alpha };
         let w2 = (w1 + xi) / (2.0 * w1 * xi + xi * xi + 1.0).sqrt();
-        Ok(Self { xi, alpha, limit: max_angle, cos_end: (-w2).max(limit(NAME, max_angle)?.cos()) })
+        // The image ends or folds where k = -w1 d2, which on the unit sphere is this cosine. The paper's w2 takes the
+        // point at that angle from the second sphere's surface instead: a little inside, but for some xi < 0 outside.
+        let v = 1.0 - w1 * w1;
+        let fold = -xi * v - w1 * (1.0 - xi * xi * v).max(0.0).sqrt();
+        Ok(Self { xi, alpha, limit: max_angle, cos_end: (-w2).max(fold).max(limit(NAME, max_angle)?.cos()) })
     }
 
     /// The distance of the spheres' centres.

@@ -83,3 +83,66 @@ fn fill<L: Distort, const SKEW: bool>(row: &BentRow<'_>, lens: &L, offsets: &Off
         vs[i] = fy * y + cy;
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::{BrownConrady, Camera, Pinhole};
+
+    fn lenses() -> Vec<Lens> {
+        let bent = [0.1, 0.02, 1e-3, -2e-3, 3e-3, 0.2, 0.1, 0.01, 1e-3, 2e-3, -1e-3, 3e-4, 0.03, -0.05];
+        let brown = |count: usize| BrownConrady::new(&bent[..count], None).unwrap().into();
+        vec![
+            brown(4),
+            brown(5),
+            brown(8),
+            brown(12),
+            brown(14),
+            KannalaBrandt::new(&[0.02, -0.01, 3e-3, -5e-4], None).unwrap().into(),
+            Mei::new(2.2, &[0.016, 1.65, 4e-4, -5e-4], None).unwrap().into(),
+            Mei::new(0.9, &[-0.02, 0.001, 4e-4, -5e-4], Some(1.9)).unwrap().into(),
+            DoubleSphere::new(-0.2, 0.6, None).unwrap().into(),
+            Eucm::new(0.6, 1.1, None).unwrap().into(),
+            RadialPolynomial::new(&[340.0, -32.0, 48.0, -7.2], None).unwrap().into(),
+            Ocam::new(&[-300.0, 0.0, 1e-3, -1e-6, 1e-9], [1.001, 2e-3, -3e-3], None).unwrap().into(),
+        ]
+    }
+
+    #[test]
+    fn every_instruction_set_gives_the_bits_of_scalar_and_what_project_gives() {
+        // from straight ahead to behind the camera, through its own place
+        let ts: Vec<f64> = (0..1003).map(|i| f64::from(i) * 0.02 - 8.0).collect();
+        let (origin, step) = (Vector3::new(0.3, 1.2, 2.0), Vector3::new(-0.2, 0.05, -0.97));
+        for (skew, lens) in lenses().into_iter().flat_map(|lens| [(0.0, lens), (1.5, lens)]) {
+            let model = Pinhole::new(700.0, 710.0, 620.0, 370.0, skew).unwrap();
+            let pose = crate::geometry::Pose::new("pose", Matrix3::identity(), Vector3::zeros()).unwrap();
+            let camera = Camera::new(model, (1280, 720), pose).unwrap().with_lens(lens);
+            let offsets = Offsets::along(&step, &ts);
+            let row = BentRow { origin, intrinsics: model.matrix(), lens: &lens };
+            let filled = |isa| {
+                let (mut us, mut vs) = (vec![0.0; ts.len()], vec![0.0; ts.len()]);
+                row.fill(isa, &offsets, &mut us, &mut vs);
+                (us, vs)
+            };
+            let bits = |(us, vs): &(Vec<f64>, Vec<f64>)| -> Vec<u64> {
+                us.iter().chain(vs).map(|value| if value.is_nan() { u64::MAX } else { value.to_bits() }).collect()
+            };
+            let scalar = filled(Isa::Scalar);
+            for &isa in Isa::available() {
+                assert_eq!(bits(&filled(isa)), bits(&scalar), "{isa:?} {lens}");
+            }
+            let mut seen = 0;
+            for (i, t) in ts.iter().enumerate() {
+                let pixel = camera.project(&(origin + step * *t)).pixel;
+                let (u, v) = (scalar.0[i], scalar.1[i]);
+                assert_eq!(pixel[0].is_nan(), u.is_nan(), "{lens} at {t}");
+                if !u.is_nan() {
+                    let tolerance = 1e-12 * (1e3 + u.hypot(v).powi(2));
+                    assert!((u - pixel[0]).abs() < tolerance && (v - pixel[1]).abs() < tolerance, "{lens} at {t}");
+                    seen += 1;
+                }
+            }
+            assert!(seen > 200, "{lens} {seen}");
+        }
+    }
+}

@@ -1,0 +1,303 @@
+//! Every lens over its whole domain, and tables of bird's-eye views through them.
+
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on should say so")]
+
+use std::f64::consts::PI;
+
+use ipm_rs::{
+    BevGrid, BrownConrady, Camera, DoubleSphere, Error, Eucm, Ground, KannalaBrandt, Lens, Lut, Mei, Ocam, Pinhole,
+    RadialPolynomial, SampleAt,
+};
+use nalgebra::Vector3;
+use proptest::prelude::*;
+
+/// KITTI raw, camera 2 of 2011_09_26.
+const KITTI: [f64; 5] = [-3.691481e-01, 1.968681e-01, 1.353473e-03, 5.677587e-04, -6.770705e-02];
+
+fn direction(angle: f64, azimuth: f64) -> Vector3<f64> {
+    Vector3::new(angle.sin() * azimuth.cos(), angle.sin() * azimuth.sin(), angle.cos())
+}
+
+/// Any lens of any model, with parameters as real ones have them, and the focal length of its K.
+fn any_lens() -> impl Strategy<Value = (Lens, f64)> {
+    let small = -0.01..0.01;
+    let brown = (-0.5..0.3, -0.2..0.3, small.clone(), small.clone(), -0.1..0.1)
+        .prop_map(|(k1, k2, p1, p2, k3)| (BrownConrady::new(&[k1, k2, p1, p2, k3], None).unwrap().into(), 1000.0));
+    let rational = (prop::array::uniform3(-0.3..0.3), prop::array::uniform3(-0.2..0.4), small.clone(), small.clone())
+        .prop_map(|(k, d, p1, p2)| {
+            (BrownConrady::new(&[k[0], k[1], p1, p2, k[2], d[0], d[1], d[2]], None).unwrap().into(), 1000.0)
+        });
+    let prism = (-0.4..0.2, -0.1..0.2, prop::array::uniform4(-0.01..0.01), prop::array::uniform4(-0.1..0.1), small)
+        .prop_map(|(k1, k2, s, tilt, p1): (f64, f64, [f64; 4], [f64; 4], f64)| {
+            let c = [k1, k2, p1, -p1, 0.0, 0.0, 0.0, 0.0, s[0], s[1], s[2], s[3], tilt[0], tilt[1]];
+            (BrownConrady::new(&c, None).unwrap().into(), 1000.0)
+        });
+    let kannala =
+        prop::array::uniform4(-0.05..0.05).prop_map(|k| (KannalaBrandt::new(&k, None).unwrap().into(), 350.0));
+    let mei = (0.3..3.0, -0.3..0.3, -0.1..1.0, -1e-3..1e-3)
+        .prop_map(|(xi, k1, k2, p)| (Mei::new(xi, &[k1, k2, p, -p], None).unwrap().into(), 900.0));
+    let double =
+        (-0.6..0.9, 0.0..=1.0).prop_map(|(xi, alpha)| (DoubleSphere::new(xi, alpha, None).unwrap().into(), 350.0));
+    let eucm = (0.0..=1.0, 0.5..2.0).prop_map(|(alpha, beta)| (Eucm::new(alpha, beta, None).unwrap().into(), 350.0));
+    let radial = (200.0..500.0, -50.0..20.0, -20.0..50.0, -10.0..5.0)
+        .prop_map(|(a, b, c, d)| (RadialPolynomial::new(&[a, b, c, d], None).unwrap().into(), 1.0));
+    let ocam = (200.0..500.0, 0.0..2e-3, -2e-6..2e-6, 0.0..3e-9, -0.01..0.01).prop_map(
+        |(a0, a2, a3, a4, e): (f64, f64, f64, f64, f64)| {
+            (Ocam::new(&[-a0, 0.0, a2, a3, a4], [1.0 + e, e, -e], None).unwrap().into(), 1.0)
+        },
+    );
+    prop_oneof![brown, rational, prism, kannala, mei, double, eucm, radial, ocam]
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(1500))]
+
+    /// Project after unproject over the whole domain, to 1e-9 px: wherever a direction fixes the pixel so well. A
+    /// direction is known to 1e-16; near an edge where the image runs away, or where Ocam's angle stands still, that is
+    /// more than 1e-9 px, and the bound grows with it.
+    #[test]
+    fn there_and_back((lens, focal) in any_lens(), part in 0.0..1.0f64, azimuth in -PI..PI, edge in 0..3u8) {
+        let angle = lens.max_angle() * match edge { 0 => part, 1 => 1.0 - part * 1e-3, _ => 1.0 - 1e-12 - part * 1e-9 };
+        let ray = direction(angle, azimuth);
+        let Some(m) = lens.project(&ray) else {
+            // the last 1e-8 of a stereographic lens run away to infinity
+            prop_assert!(angle > lens.max_angle() * (1.0 - 1e-7), "{lens} {angle}");
+            return Ok(());
+        };
+        let h = 1e-7f64.min(0.25 * (lens.max_angle() - angle)).max(1e-15);
+        let slope = lens.project(&direction(angle - h, azimuth)).map_or(0.0, |n| (m[0] - n[0]).hypot(m[1] - n[1]) / h);
+        let tolerance = 1e-9 + focal * slope * 4e-15;
+        if focal * m[0].hypot(m[1]) > 1e6 { return Ok(()); }
+        let back = lens.unproject(m);
+        prop_assert!(back.is_some(), "{lens} {angle} of {}", lens.max_angle());
+        let again = lens.project(&back.unwrap()).unwrap();
+        let error = focal * (again[0] - m[0]).hypot(again[1] - m[1]);
+        prop_assert!(error < tolerance, "{lens} {angle} of {}: {error:e} px, allowed {tolerance:e}", lens.max_angle());
+        // and where the image does not stand still, the direction itself
+        if slope * focal > 10.0 {
+            prop_assert!((back.unwrap() - ray).norm() < 1e-10, "{lens} {angle}: {:e}", (back.unwrap() - ray).norm());
+        }
+    }
+
+    /// No two directions share an image: along every azimuth the image moves on, and it does not fold sideways.
+    #[test]
+    fn the_image_does_not_fold((lens, _) in any_lens(), part in 0.0..1.0f64, azimuth in -PI..PI) {
+        let h = 1e-6;
+        let angle = (lens.max_angle() * part).clamp(2.0 * h, lens.max_angle() * (1.0 - 1e-5) - 2.0 * h);
+        let at = |angle, azimuth| lens.project(&direction(angle, azimuth));
+        let (Some(a), Some(b)) = (at(angle - h, azimuth), at(angle + h, azimuth)) else { return Ok(()) };
+        let (Some(c), Some(d)) = (at(angle, azimuth - h), at(angle, azimuth + h)) else { return Ok(()) };
+        let outwards = [b[0] - a[0], b[1] - a[1]];
+        let sideways = [d[0] - c[0], d[1] - c[1]];
+        prop_assert!(outwards[0] * sideways[1] - outwards[1] * sideways[0] > 0.0, "{lens} {angle} of {}", lens.max_angle());
+    }
+
+    /// What has no direction is refused, and what is given one is its image.
+    #[test]
+    fn outside_there_is_nothing((lens, focal) in any_lens(), u in -3.0..3.0f64, v in -3.0..3.0f64, out in 0.0..1.0f64) {
+        let unit = 1000.0 / focal;
+        let m = if focal == 1.0 { [u * 400.0, v * 400.0] } else { [u * unit, v * unit] };
+        if let Some(ray) = lens.unproject(m) {
+            prop_assert!((ray.norm() - 1.0).abs() < 1e-15 * 4.0);
+            prop_assert!(ray.x.hypot(ray.y).atan2(ray.z) <= lens.max_angle() + 1e-12);
+        }
+        let end = lens.max_angle();
+        let beyond = end + (PI - end) * out + 1e-9;
+        if beyond < PI {
+            prop_assert_eq!(lens.project(&direction(beyond, u)), None);
+        }
+        prop_assert_eq!(lens.project(&Vector3::zeros()), None);
+        prop_assert_eq!(lens.project(&Vector3::new(f64::NAN, 0.0, 1.0)), None);
+        prop_assert_eq!(lens.unproject([f64::NAN, 0.0]), None);
+        prop_assert_eq!(lens.unproject([f64::INFINITY, 0.0]), None);
+    }
+
+    /// A direction has no length.
+    #[test]
+    fn length_does_not_matter((lens, focal) in any_lens(), part in 0.0..0.95f64, azimuth in -PI..PI, power in -140..140i32) {
+        let ray = direction(lens.max_angle() * part, azimuth);
+        let (m, scaled) = (lens.project(&ray).unwrap(), lens.project(&(ray * 10f64.powi(power))).unwrap());
+        prop_assert!((m[0] - scaled[0]).hypot(m[1] - scaled[1]) * focal < 1e-8 * (1.0 + m[0].hypot(m[1])), "{lens}");
+    }
+}
+
+fn kitti_camera() -> Camera {
+    let model = Pinhole::new(959.791, 956.9251, 696.0217, 224.1806, 0.0).unwrap();
+    let lens = BrownConrady::new(&KITTI, None).unwrap();
+    Camera::from_euler(model, (1392, 512), [0.0, 0.0, 1.65], 0.0, 0.0, 0.0).unwrap().with_lens(Lens::from(lens))
+}
+
+#[test]
+fn the_fold_over_point_is_invalid() {
+    // (8, 1.65, 5) in the camera frame is 58.5 degrees off the axis; the bare formula puts it inside the image
+    let camera = kitti_camera();
+    let point = Vector3::new(5.0, -8.0, 0.0); // the same in the vehicle frame, on the road
+    let seen = camera.project(&point);
+    assert!(!seen.valid && seen.pixel[0].is_nan() && seen.depth == 5.0);
+    assert!(camera.project(&Vector3::new(5.0, -5.0, 0.0)).pixel[0].is_finite());
+    assert!(camera.project(&Vector3::new(-5.0, 0.3, 0.0)).pixel[0].is_nan(), "behind");
+}
+
+/// Every valid cell's pixel looks back at that cell's road point: nothing is painted twice, mirrored or in rings.
+fn no_ghosts(camera: &Camera) -> usize {
+    let grid = BevGrid::new((-30.0, 30.0), (-30.0, 30.0), (0.25, 0.25), SampleAt::Center).unwrap();
+    let ground = Ground::default();
+    let lut = Lut::new(camera, &grid, &ground).unwrap();
+    let (map_x, map_y) = lut.maps(f32::NAN);
+    let mask = lut.mask();
+    for cell in (0..mask.len()).filter(|&cell| mask[cell]) {
+        let (row, column) = (cell / grid.columns(), cell % grid.columns());
+        let [x, y] = grid.ground_from_cell([row as f64, column as f64]);
+        let exact = camera.project(&Vector3::new(x, y, 0.0)).pixel;
+        assert!((exact[0] - f64::from(map_x[cell])).abs() < 2e-3 && (exact[1] - f64::from(map_y[cell])).abs() < 2e-3);
+        let back = camera.ground_from_pixel(exact, &ground);
+        let back = back.unwrap_or_else(|| panic!("{camera}: ({x}, {y}) seen at {exact:?}, which sees no road"));
+        assert!((back.x - x).hypot(back.y - y) < 1e-6 * (1.0 + x.hypot(y)), "{camera}: ({x}, {y}) seen as {back}");
+    }
+    mask.iter().filter(|&&valid| valid).count()
+}
+
+#[test]
+fn views_all_round_have_no_ghosts() {
+    let camera = |focal: f64, size: (u32, u32), pitch: f64, lens: Lens| {
+        let (cx, cy) = (f64::from(size.0) / 2.0 - 0.5, f64::from(size.1) / 2.0 - 0.5);
+        let model = Pinhole::new(focal, focal, cx, cy, 0.0).unwrap();
+        Camera::from_euler(model, size, [0.5, 0.2, 1.4], 0.03, pitch, 0.4).unwrap().with_lens(lens)
+    };
+    let wide = BrownConrady::new(&[-0.33, 0.13, 1e-3, -5e-4, -0.02], None).unwrap();
+    let strong = BrownConrady::new(&[-0.4, 0.1, 0.0, 0.0], None).unwrap();
+    let fisheye = KannalaBrandt::new(&[-0.02, 0.004, -0.003, 0.0004], None).unwrap();
+    let folding = KannalaBrandt::new(&[-0.12, 0.0, 0.0, 0.0], None).unwrap();
+    for (camera, least) in [
+        (camera(500.0, (1280, 960), 0.2, wide.into()), 5000),
+        (camera(400.0, (1280, 960), 0.5, strong.into()), 2000),
+        (camera(330.0, (1280, 960), 0.4, fisheye.into()), 10_000),
+        (camera(330.0, (1280, 960), 1.2, folding.into()), 10_000),
+        (camera(1300.0, (1400, 1400), 0.3, Mei::new(2.2, &[0.016, 1.65, 4e-4, -5e-4], None).unwrap().into()), 10_000),
+        (camera(350.0, (1280, 960), 0.8, DoubleSphere::new(-0.2, 0.6, None).unwrap().into()), 10_000),
+        (camera(350.0, (1280, 960), 0.8, Eucm::new(0.6, 1.1, None).unwrap().into()), 10_000),
+        (
+            camera(1.0, (1280, 966), 0.4, RadialPolynomial::new(&[340.0, -32.0, 48.0, -7.2], None).unwrap().into()),
+            10_000,
+        ),
+        (
+            camera(
+                1.0,
+                (1280, 960),
+                0.4,
+                Ocam::new(&[-350.0, 0.0, 1e-3, -1e-6, 1e-9], [1.0, 0.0, 0.0], None).unwrap().into(),
+            ),
+            10_000,
+        ),
+    ] {
+        let valid = no_ghosts(&camera);
+        assert!(valid > least, "{camera}: {valid}");
+    }
+}
+
+#[test]
+fn a_fisheye_sees_behind_its_own_plane() {
+    let lens = KannalaBrandt::new(&[0.0; 4], None).unwrap();
+    let model = Pinhole::new(300.0, 300.0, 639.5, 639.5, 0.0).unwrap();
+    let camera = Camera::from_euler(model, (1280, 1280), [0.0; 3], 0.0, 0.0, 0.0).unwrap().with_lens(Lens::from(lens));
+    let seen = camera.project(&Vector3::new(-1.0, 5.0, 0.0));
+    assert!(seen.valid && seen.depth == -1.0);
+    let angle = 5f64.atan2(-1.0);
+    assert!((seen.pixel[0] - (639.5 - 300.0 * angle)).abs() < 1e-9 && (seen.pixel[1] - 639.5).abs() < 1e-9);
+    // straight behind, where every azimuth meets, there is nothing
+    assert!(!camera.project(&Vector3::new(-1.0, 0.0, 0.0)).valid);
+}
+
+#[test]
+fn a_limit_makes_the_domain_smaller_and_never_larger() {
+    for angle in [0.1, 0.7, 1.2] {
+        let lenses: [Lens; 7] = [
+            BrownConrady::new(&[-0.01, 0.0, 0.0, 0.0], Some(angle)).unwrap().into(),
+            KannalaBrandt::new(&[-0.01, 0.0, 0.0, 0.0], Some(angle)).unwrap().into(),
+            Mei::new(1.2, &[0.0; 4], Some(angle)).unwrap().into(),
+            DoubleSphere::new(-0.2, 0.6, Some(angle)).unwrap().into(),
+            Eucm::new(0.6, 1.1, Some(angle)).unwrap().into(),
+            RadialPolynomial::new(&[340.0, -32.0, 48.0, -7.2], Some(angle)).unwrap().into(),
+            Ocam::new(&[-350.0, 0.0, 1e-3], [1.0, 0.0, 0.0], Some(angle)).unwrap().into(),
+        ];
+        for lens in lenses {
+            assert!((lens.max_angle() - angle).abs() < 1e-12, "{lens} {}", lens.max_angle());
+            assert!(lens.project(&direction(angle - 1e-9, 2.0)).is_some(), "{lens}");
+            assert!(lens.project(&direction(angle + 1e-9, 2.0)).is_none(), "{lens}");
+        }
+    }
+    let free = KannalaBrandt::new(&[-0.1, 0.0, 0.0, 0.0], None).unwrap();
+    let wide = KannalaBrandt::new(&[-0.1, 0.0, 0.0, 0.0], Some(3.0)).unwrap();
+    assert_eq!(free.max_angle(), wide.max_angle());
+}
+
+#[test]
+fn vectors_of_other_implementations() {
+    // KITTI-360 image_02, cv2.omnidir and the data set's own formula
+    let lens: Lens = Mei::new(
+        2.2134047507854890e+00,
+        &[1.6798235660113681e-02, 1.6548773243373522e+00, 4.2223943394772046e-04, 4.2462134260997584e-04],
+        None,
+    )
+    .unwrap()
+    .into();
+    let model = Pinhole::new(
+        1.3363220825849971e+03,
+        1.3357883350012958e+03,
+        7.1694323510126321e+02,
+        7.0576498308221585e+02,
+        0.0,
+    );
+    let camera = Camera::new(model.unwrap(), (1400, 1400), Camera::forward_pose()).unwrap().with_lens(lens);
+    for (ray, pixel) in [
+        ([1.0, 0.0, 1.0], [1042.7485, 705.7980]),
+        ([0.0, 1.0, 1.0], [716.9765, 1031.4395]),
+        ([1.0, 0.0, 0.0], [1364.7281, 705.8801]),
+    ] {
+        let [x, y, z] = ray;
+        let got = camera.project(&Vector3::new(z, -x, -y)).pixel;
+        assert!((got[0] - pixel[0]).abs() < 1e-3 && (got[1] - pixel[1]).abs() < 1e-3, "{got:?} {pixel:?}");
+    }
+    assert!((lens.max_angle().to_degrees() - 116.9).abs() < 0.05);
+}
+
+#[test]
+fn wrong_parameters_are_refused() {
+    let nan = f64::NAN;
+    for count in [0, 1, 2, 3, 6, 7, 9, 11, 13, 15] {
+        let refused = BrownConrady::new(&vec![0.0; count], None);
+        assert!(matches!(refused, Err(Error::LensCoefficients { got, .. }) if got == count));
+    }
+    let wrong: Vec<(&str, ipm_rs::Result<Lens>)> = vec![
+        ("NaN", BrownConrady::new(&[nan, 0.0, 0.0, 0.0], None).map(Into::into)),
+        (
+            "tilt",
+            BrownConrady::new(&[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.6, 0.0], None)
+                .map(Into::into),
+        ),
+        ("count", KannalaBrandt::new(&[0.0; 5], None).map(Into::into)),
+        ("infinite", KannalaBrandt::new(&[0.0, f64::INFINITY, 0.0, 0.0], None).map(Into::into)),
+        ("xi", Mei::new(-0.1, &[0.0; 4], None).map(Into::into)),
+        ("xi", Mei::new(nan, &[0.0; 4], None).map(Into::into)),
+        ("count", Mei::new(1.0, &[0.0; 5], None).map(Into::into)),
+        ("alpha", DoubleSphere::new(0.0, 1.1, None).map(Into::into)),
+        ("alpha", DoubleSphere::new(0.0, nan, None).map(Into::into)),
+        ("xi", DoubleSphere::new(-1.0, 0.5, None).map(Into::into)),
+        ("xi", DoubleSphere::new(1.1, 0.5, None).map(Into::into)),
+        ("alpha", Eucm::new(-0.1, 1.0, None).map(Into::into)),
+        ("beta", Eucm::new(0.5, 0.0, None).map(Into::into)),
+        ("k1", RadialPolynomial::new(&[0.0, 1.0, 1.0, 1.0], None).map(Into::into)),
+        ("k1", RadialPolynomial::new(&[-340.0, 1.0, 1.0, 1.0], None).map(Into::into)),
+        ("a0", Ocam::new(&[0.0, 1.0], [1.0, 0.0, 0.0], None).map(Into::into)),
+        ("none", Ocam::new(&[], [1.0, 0.0, 0.0], None).map(Into::into)),
+        ("many", Ocam::new(&[1.0; 13], [1.0, 0.0, 0.0], None).map(Into::into)),
+        ("affine", Ocam::new(&[-300.0], [0.0, 0.0, 0.0], None).map(Into::into)),
+        ("affine", Ocam::new(&[-300.0], [1.0, nan, 0.0], None).map(Into::into)),
+        ("limit", Eucm::new(0.5, 1.0, Some(0.0)).map(Into::into)),
+        ("limit", Eucm::new(0.5, 1.0, Some(3.2)).map(Into::into)),
+        ("limit", Ocam::new(&[-300.0], [1.0, 0.0, 0.0], Some(nan)).map(Into::into)),
+    ];
+    for (what, refused) in wrong {
+        assert!(matches!(refused, Err(Error::LensCoefficients { .. } | Error::LensParameter { .. })), "{what}");
+    }
+}
