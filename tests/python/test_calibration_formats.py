@@ -125,7 +125,7 @@ def test_path_of_another_type(path):
 # ---------------------------------------------------------------------------------------------------------------------
 # Whatever the bytes: a camera or one of our errors
 
-WORDS = rb"nan inf 1e999 1e308 1e-320 -1 0 1_0 x ] &a".split() + [b"\n", b"\x00", b"\xff", b": ", b"&a *a"]
+WORDS = [*rb"nan inf 1e999 1e308 1e-320 -1 0 1_0 x ] &a".split(), b"\n", b"\x00", b"\xff", b": ", b"&a *a"]
 TOKENS = [b"nan", b"-", b"1e999", b"0", b"\n", b"[", b"{", b'"']
 fuzzed = settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 
@@ -228,7 +228,8 @@ def test_any_json_value_changed(sample, data, tmp_path):
 objects = st.one_of(
     values, st.just(b"x"), st.just(1j), st.just(object()), st.just(np.zeros((3, 3))), st.just(np.eye(4)),
     st.just(np.array([None])), st.just(np.array("x")), st.just(np.array([1j])), st.just(np.float32(2)),
-    st.just({None: 1}), st.just(range(3)), st.just(np.array([], float)), st.just(np.ma.masked), st.just(float), st.just({1}),
+    st.just({None: 1}), st.just(range(3)), st.just(np.array([], float)), st.just(np.ma.masked),
+    st.just(float), st.just({1}),
 )  # fmt: skip
 
 

@@ -75,7 +75,8 @@ def test_every_promised_name_is_exported():
 
 
 @pytest.mark.parametrize(
-    "module", ["ipm_rs", "ipm_rs.reference", "ipm_rs.calibration", "ipm_rs.calibration.cityscapes"]
+    "module",
+    ["ipm_rs", "ipm_rs.reference", "ipm_rs.calibration", *(f"ipm_rs.calibration.{name}" for name in FORMATS)],
 )
 def test_all_is_true(module):
     module = importlib.import_module(module)
