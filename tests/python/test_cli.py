@@ -18,6 +18,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from calibration_samples import SAMPLES
 from golden import CALIBRATION
 from helpers import textured
 from PIL import Image
@@ -616,3 +617,38 @@ def test_a_reader_that_has_gone_away_does_not_stop_the_work(here: Path, unbuffer
         assert (process.returncode, process.stderr) == (0, "")
     os.close(write_end)
     assert {path.name for path in Path("out").iterdir()} == {"frame_bev.png", "last_bev.png"}
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# Calibrations of any format
+
+
+def test_any_calibration(here):
+    """KITTI needs its image size, nuScenes the camera; both give what the library gives."""
+    path = SAMPLES["kitti object"].write(here)
+    frame = textured(375, 1242, 3)
+    Image.fromarray(frame).save("kitti.png")
+    grid = ["--x", "6", "46", "--y", "-10", "10", "--resolution", "0.5", "--ground", "-1.73"]
+    command = ["warp", str(path), "kitti.png", "-o", "bev.png", *grid, "--camera", "3"]
+    assert cli.main(command) == 2
+    assert cli.main([*command, "--image-size", "1242", "375"]) == 0
+    camera = ipm_rs.Camera.from_kitti(path, camera=3, image_size=(1242, 375))
+    table = ipm_rs.Lut(camera, ipm_rs.BevGrid(x=(6, 46), y=(-10, 10), resolution=0.5), ground=-1.73)
+    assert table.mask.mean() > 0.5
+    np.testing.assert_array_equal(load("bev.png"), table.warp(frame))
+
+
+def test_calibration_that_needs_more(here, capsys):
+    Image.fromarray(textured(900, 1600, 3)).save("front.png")
+    path = SAMPLES["nuscenes"].write(here)
+    arguments = ["warp", str(path), "front.png", "-o", "bev.png", *COARSE]
+    assert cli.main(arguments) == 2
+    assert "'CAM_FRONT', 'CAM_FRONT_LEFT'" in capsys.readouterr().err
+    assert cli.main([*arguments, "--camera", "CAM_FRONT"]) == 0
+    kitti = SAMPLES["kitti object"].write(here)
+    assert cli.main(["warp", str(kitti), "front.png", "-o", "other.png"]) == 2
+    assert "--image-size W H" in capsys.readouterr().err
+    Path("notes.txt").write_text("no calibration")
+    assert cli.main(["warp", "notes.txt", "front.png", "-o", "other.png"]) == 2
+    assert "expected a calibration of a known format" in capsys.readouterr().err
+    assert not Path("other.png").exists()

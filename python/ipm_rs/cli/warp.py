@@ -6,6 +6,7 @@ import argparse
 import math
 import os
 import sys
+import textwrap
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -13,10 +14,10 @@ from typing import Any
 import numpy as np
 
 import ipm_rs
-from ipm_rs import imagefile
+from ipm_rs import calibration, imagefile
 from ipm_rs.cli.arguments import Commands, add_grid, check_output, count, real, resolution, value
 from ipm_rs.cli.printing import Progress, emit, no_progress, progress_bar
-from ipm_rs.errors import ArgumentError, FileError, ImageError, IpmError
+from ipm_rs.errors import ArgumentError, CalibrationError, FileError, ImageError, IpmError
 
 
 def add(commands: Commands) -> None:
@@ -32,15 +33,18 @@ Images may be grey, 16-bit grey, colour, with alpha, or label images with a pale
 are kept). EXIF orientation is not applied: the calibration belongs to the pixels as they are stored. The extension of
 the output decides its format: """
         + " ".join(imagefile.FORMATS)
-        + ".",
+        + ".\n\n"
+        + textwrap.fill(f"The format of the calibration is recognised: {', '.join(calibration.FORMATS)}.", 118),
         examples="""\
   ipm-rs warp camera.json frame.png -o bev.png
   ipm-rs warp camera.json frame.png -o bev.png --x 7 50 --y -10 10 --resolution 0.05 0.025 --sample-at corner
   ipm-rs warp camera.json frames/*.png -o bevs/ --mask bevs/valid.png
+  ipm-rs warp calib/000114.txt 000114.png -o bev.png --image-size 1242 375 --ground -1.73
+  ipm-rs warp v1.0-mini/calibrated_sensor.json front.jpg -o bev.png --camera CAM_FRONT
   ipm-rs warp camera.json labels.png -o bev_labels.png --interpolation nearest --border-value 255""",
     )
     add = warp.add_argument
-    add("calibration", metavar="CALIBRATION", help="camera calibration, a Cityscapes camera JSON")
+    add("calibration", metavar="CALIBRATION", help="camera calibration, a file or directory of a format named above")
     add("images", metavar="IMAGE", nargs="+", type=Path, help="camera images, all of the calibration's size")
     add(
         "-o",
@@ -66,12 +70,14 @@ the output decides its format: """
         help="value of cells that the camera does not see, one or one per channel (default: 0)",
     )
     pixels.add_argument(
+        "--camera", metavar="NAME", help="which camera, where the calibration holds several: a name or a number"
+    )
+    pixels.add_argument(
         "--image-size",
         metavar=("W", "H"),
         nargs=2,
         type=count,
-        default=(2048, 1024),
-        help="size of the images that the calibration was made for (default: 2048 1024)",
+        help="size of the images that the calibration was made for, if it does not say (Cityscapes: 2048 1024)",
     )
     running = warp.add_argument_group("run")
     running.add_argument(
@@ -85,7 +91,7 @@ the output decides its format: """
 
 def run(args: argparse.Namespace) -> None:
     """Check everything, then warp image after image."""
-    camera = _read_camera(args.calibration, tuple(args.image_size))
+    camera = _read_camera(args)
     grid = ipm_rs.BevGrid(x=args.x, y=args.y, resolution=resolution(args.resolution), sample_at=args.sample_at)
     headers = [imagefile.probe(path) for path in args.images]
     for header in headers:
@@ -138,8 +144,14 @@ def run(args: argparse.Namespace) -> None:
         raise FileError(f"{failed} of {len(headers)} images could not be read, see above; the others were written")
 
 
-def _read_camera(path: str, image_size: tuple[int, int]) -> ipm_rs.Camera:
-    return ipm_rs.Camera.from_cityscapes(path, image_size=image_size)
+def _read_camera(args: argparse.Namespace) -> ipm_rs.Camera:
+    camera = int(args.camera) if args.camera is not None and args.camera.isdecimal() else args.camera
+    try:
+        return ipm_rs.Camera.load(args.calibration, image_size=args.image_size, camera=camera)
+    except CalibrationError as error:
+        if args.image_size is None and "image_size" in str(error):
+            raise CalibrationError(f"{error}; give --image-size W H") from error
+        raise
 
 
 def _check_image(header: imagefile.Header, camera: ipm_rs.Camera, interpolation: str) -> None:
