@@ -1297,7 +1297,7 @@ class Lut:
         self,
         image: NDArray[Any] | _DLPack | memoryview,
         *,
-        interpolation: Literal["bilinear", "nearest"] = "bilinear",
+        interpolation: Literal["bilinear", "nearest", "area", "mode"] = "bilinear",
         border_value: float | Sequence[float] = 0,
         out: _Out | None = None,
         threads: int | None = None,
@@ -1308,12 +1308,15 @@ class Lut:
         Args:
             image: (H, W) or (H, W, C) of the table's source size, or what `layout` says, with any stride between rows,
                 planes and images; read without a copy. A NumPy array, or what shares its memory as one: a CPU tensor
-                (DLPack, `__array__`), a memoryview. Bilinear takes uint8, uint16 and float32; nearest any bool,
-                integer or float dtype of 1, 2, 4 or 8 bytes.
-            interpolation: "bilinear" blends the four pixels around the coordinate; "nearest" copies one (halves to
-                even), so label images keep their ids.
+                (DLPack, `__array__`), a memoryview. "bilinear" and "area" take uint8, uint16 and float32, "nearest" any
+                bool, integer or float dtype of 1, 2, 4 or 8 bytes, "mode" the same without floats.
+            interpolation: "bilinear" blends the four pixels around the coordinate. "nearest" copies one (halves to
+                even), so label images keep their ids. "area" is the mean of all that the cell covers of the image, so
+                that nothing flickers or makes patterns of its own where a cell is larger than a pixel; where it is not,
+                it is bilinear. "mode" is the id that most of what the cell covers has, the smallest of equally frequent
+                ones, for label images of up to 256 ids. Both leave out what lies outside the image.
             border_value: what cells without an image get: a number that the dtype can hold, or one for each channel.
-                Less than one pixel outside the image, bilinear blends with it.
+                Less than one pixel outside the image, bilinear and area blend with it.
             out: where to write, of the image's dtype and the result's shape, not overlapping the image; an array or a
                 tensor.
             threads: at most how many threads, the caller's among them; None is `get_num_threads()`. The result does not
@@ -1328,7 +1331,7 @@ class Lut:
         Raises:
             ImageError: a shape, the memory layout or the image's size is wrong; out is read-only or overlaps the image.
             DtypeError: the dtype is not taken by this interpolation, or out's differs.
-            ArgumentError, ArgumentTypeError: another argument is wrong, or the image's memory cannot be had without a
+            ArgumentError, ArgumentTypeError: more than 256 ids for "mode"; another argument is wrong, or the image's memory cannot be had without a
                 copy or is not the CPU's. In every case nothing has been written.
         """
     @property
@@ -1339,10 +1342,27 @@ class Lut:
         """(width, height) of the images that it is for."""
     @property
     def nbytes(self) -> int:
-        """Bytes that the table holds; at most 12 a cell."""
+        """Bytes that the table holds, at most 12 a cell; and what the first `warp` with "area" has added to them."""
     @property
     def mask(self) -> NDArray[np.bool_]:
         """Which cells are valid: in front of the camera and inside the image's pixel centres. (rows, columns) bool."""
+    def sampling_density(self) -> NDArray[np.float32]:
+        """How many source pixels a cell sees along each of its axes.
+
+        They are the sides of the parallelogram that the cell covers on the image: central differences of the table's
+        coordinates, one-sided beside cells without an image. Above 1 a cell sees more than bilinear looks at
+        (`interpolation="area"` takes all of it); below 1 one pixel is stretched over several cells.
+
+        Returns:
+            (rows, columns, 2) float32, pixels a cell: [..., 0] down the rows (along x of a `BevGrid`), [..., 1] along
+            the columns (y). NaN where `mask` is False.
+        """
+    def resolved_mask(self, minimum: float = 0.5) -> NDArray[np.bool_]:
+        """Which cells' content is really seen, not made up between pixels: (rows, columns) bool.
+
+        Args:
+            minimum: source pixels a cell that there must be along both axes; 0.5 is one pixel for every two cells.
+        """
     def maps(self, outside: float | None = None) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """The table as maps for `cv2.remap` and its like.
 

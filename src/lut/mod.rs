@@ -3,6 +3,7 @@
 pub(crate) mod area;
 mod build;
 mod cells;
+mod density;
 mod io;
 pub(crate) mod kernels;
 mod maps;

@@ -1,7 +1,7 @@
 //! `Lut`.
 
 use nalgebra::Matrix3;
-use numpy::{PyArray1, PyArray2, PyArrayDescrMethods, PyArrayMethods, PyUntypedArray, PyUntypedArrayMethods};
+use numpy::{PyArray1, PyArray2, PyArray3, PyArrayDescrMethods, PyArrayMethods, PyUntypedArray, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyTuple, PyType};
 
@@ -95,6 +95,16 @@ impl PyLut {
         self.check_size(&image)?;
         let job = Job { lut: &self.lut, image: &image, interpolation, border_value, out, threads };
         match (interpolation, image.sample_bytes(interpolation)?) {
+            (Interpolation::Mode, bytes) => match (image.dtype().kind(), bytes) {
+                (b'i', 1) => job.mode::<i8>(),
+                (b'i', 2) => job.mode::<i16>(),
+                (b'i', 4) => job.mode::<i32>(),
+                (b'i', _) => job.mode::<i64>(),
+                (_, 1) => job.mode::<u8>(),
+                (_, 2) => job.mode::<u16>(),
+                (_, 4) => job.mode::<u32>(),
+                _ => job.mode::<u64>(),
+            },
             (Interpolation::Bilinear | Interpolation::Area, 1) => job.blended::<u8>(),
             (Interpolation::Bilinear | Interpolation::Area, 2) => job.blended::<u16>(),
             (Interpolation::Bilinear | Interpolation::Area, _) => job.blended::<f32>(),
@@ -127,6 +137,25 @@ impl PyLut {
     #[getter]
     fn mask<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<bool>>> {
         let mask = py.detach(|| self.lut.mask());
+        PyArray1::from_vec(py, mask).reshape(self.shape())
+    }
+
+    /// Source pixels from a cell to the next, down the rows and along the columns: (rows, columns, 2) float32.
+    fn sampling_density<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray3<f32>>> {
+        let density = py.detach(|| self.lut.sampling_density())?;
+        let (rows, columns) = self.shape();
+        PyArray1::from_vec(py, density).reshape((rows, columns, 2))
+    }
+
+    /// Which cells see at least `minimum` source pixels along both of their axes: (rows, columns) bool.
+    #[pyo3(signature = (minimum = None), text_signature = "(self, minimum=0.5)")]
+    fn resolved_mask<'py>(
+        &self,
+        py: Python<'py>,
+        minimum: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyArray2<bool>>> {
+        let minimum = minimum.map_or(Ok(0.5), |object| float("minimum", object))?;
+        let mask = py.detach(|| self.lut.resolved_mask(minimum as f32))?;
         PyArray1::from_vec(py, mask).reshape(self.shape())
     }
 
@@ -213,6 +242,10 @@ struct Job<'a, 'py> {
 impl<'py> Job<'_, 'py> {
     fn blended<T: Bilinear>(self) -> PyResult<Bound<'py, PyAny>> {
         self.run::<T>(Lut::warp_many_into)
+    }
+
+    fn mode<T: Sample + Ord>(self) -> PyResult<Bound<'py, PyAny>> {
+        self.run::<T>(Lut::warp_many_mode_into)
     }
 
     fn nearest<T: Sample>(self) -> PyResult<Bound<'py, PyAny>> {

@@ -10,13 +10,14 @@ use super::layout::Layout;
 use crate::image::as_bytes_mut;
 use crate::{BorderMode, Interpolation, Sample};
 
-/// `"bilinear"`, `"nearest"` or `"area"`.
+/// `"bilinear"`, `"nearest"`, `"area"` or `"mode"`.
 pub(super) fn interpolation(object: &Bound<'_, PyAny>) -> PyResult<Interpolation> {
-    let expected = "interpolation: expected \"bilinear\", \"nearest\" or \"area\"";
+    let expected = "interpolation: expected \"bilinear\", \"nearest\", \"area\" or \"mode\"";
     match name(expected, object)? {
         "bilinear" => Ok(Interpolation::Bilinear),
         "nearest" => Ok(Interpolation::Nearest),
         "area" => Ok(Interpolation::Area),
+        "mode" => Ok(Interpolation::Mode),
         other => Err(ArgumentError::new_err(format!("{expected}, got {other:?}"))),
     }
 }

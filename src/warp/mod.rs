@@ -3,6 +3,7 @@
 pub(crate) mod area;
 pub mod direct;
 pub(crate) mod kernels;
+mod mode;
 mod options;
 pub mod reference;
 
@@ -85,6 +86,13 @@ impl Lut {
         if options.interpolation == Interpolation::Area {
             let border = check(self, images, outs, options)?;
             return area::warp(self, images, outs, &border, options);
+        }
+        if options.interpolation == Interpolation::Mode {
+            return Err(Error::Interpolation {
+                expected: "a way to blend",
+                got: "mode",
+                mend: "warp_many_mode_into is for labels",
+            });
         }
         run(self, images, outs, options, WarpOptions::kernels)
     }

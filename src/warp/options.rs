@@ -19,6 +19,8 @@ pub enum Interpolation {
     /// The mean of the source over what the cell covers of it, at least a pixel: no aliasing where a cell is larger than a
     /// pixel, bilinear where it is not. For warps through a [`Lut`](crate::Lut).
     Area,
+    /// The id that most of what the cell covers has; see [`Lut::warp_many_mode_into`](crate::Lut::warp_many_mode_into).
+    Mode,
 }
 
 impl Interpolation {
@@ -28,6 +30,7 @@ impl Interpolation {
             Self::Nearest => "nearest",
             Self::Bilinear => "bilinear",
             Self::Area => "area",
+            Self::Mode => "mode",
         }
     }
 
@@ -38,10 +41,10 @@ impl Interpolation {
     pub fn without_table(self) -> Result<Self> {
         match self {
             Self::Nearest | Self::Bilinear => Ok(self),
-            Self::Area => Err(Error::Interpolation {
+            Self::Area | Self::Mode => Err(Error::Interpolation {
                 expected: "\"bilinear\" or \"nearest\"",
                 got: self.name(),
-                mend: "for area make a Lut (from_maps, from_homography) and use its warp",
+                mend: "for \"area\" and \"mode\" make a Lut (from_maps, from_homography) and use its warp",
             }),
         }
     }
@@ -129,7 +132,7 @@ impl<T: Bilinear> WarpOptions<T> {
     pub(super) fn kernels(&self, images: &[ImageView<'_, T>]) -> Result<RowKernels<T>> {
         let contiguous = images.iter().all(ImageView::is_contiguous);
         match self.interpolation {
-            Interpolation::Nearest => self.nearest_kernels(images),
+            Interpolation::Nearest | Interpolation::Mode => self.nearest_kernels(images),
             Interpolation::Bilinear | Interpolation::Area => {
                 Ok(RowKernels::bilinear(self.isa()?, images[0].channels(), contiguous))
             }

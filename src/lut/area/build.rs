@@ -3,8 +3,7 @@
 use std::ops::Range;
 use std::sync::Mutex;
 
-use super::rows::{Coordinates, OUTSIDE, slope};
-use super::{Band, Cells, Level, Piece, Plan, Q, Shape};
+use super::{Band, Cells, Coordinates, Level, PADDING, Piece, Plan, Q, Shape};
 use crate::error::{Error, Result};
 use crate::lut::table::{Table, band_rows};
 use crate::parallel;
@@ -24,10 +23,7 @@ impl Plan {
     /// # Errors
     /// [`Error::ImageSize`] where a side of the source has a million pixels or more, [`Error::OutOfMemory`].
     pub(crate) fn new(table: &Table) -> Result<Self> {
-        let (width, height) = table.source();
-        if width.max(height) >= MAX_SIDE {
-            return Err(Error::AreaSize { width, height, limit: MAX_SIDE - 1 });
-        }
+        check_sides(table.source())?;
         let (rows, columns) = (table.rows(), table.columns());
         let band_rows = band_rows(columns);
         let mut jobs: Vec<_> = (0..rows.div_ceil(band_rows)).map(|_| Job::default()).collect();
@@ -46,6 +42,14 @@ impl Plan {
     }
 }
 
+/// Whether coordinates on a source of this size can be told in 1/1024 pixel.
+pub(crate) fn check_sides((width, height): (u32, u32)) -> Result<()> {
+    if width.max(height) < MAX_SIDE {
+        return Ok(());
+    }
+    Err(Error::AreaSize { width, height, limit: MAX_SIDE - 1 })
+}
+
 /// A band in the making.
 struct Job {
     band: Band,
@@ -62,9 +66,7 @@ impl Default for Job {
 impl Job {
     fn run(&mut self, table: &Table, rows: Range<usize>) -> Result<()> {
         let columns = table.columns();
-        let mut near = [const { () }; 3].map(|()| Coordinates::new(columns));
-        near[0].read(table, rows.start.checked_sub(1));
-        near[1].read(table, Some(rows.start));
+        let mut near = Coordinates::three(table, rows.start);
         for row in rows {
             near[2].read(table, Some(row + 1));
             reserve(&mut self.band.cells, columns)?;
@@ -75,22 +77,17 @@ impl Job {
             self.band.ends.push(self.band.pieces.len() as u32);
             near.rotate_left(1);
         }
+        reserve(&mut self.band.cells, PADDING)?;
+        self.band.cells.pad(PADDING);
         Ok(())
     }
 
     /// Appends the cells of a group that see more than a pixel; `begin` is the row's first piece.
     fn group(&mut self, near: &[Coordinates; 3], begin: usize, cells: Range<usize>, source: (u32, u32)) {
-        let [above, here, below] = near;
-        let side = |cell: usize| {
-            let row = |values: &[i32]| {
-                let at = |cell: Option<usize>| cell.and_then(|cell| values.get(cell)).copied().unwrap_or(OUTSIDE);
-                slope(at(cell.checked_sub(1)), values[cell], at(Some(cell + 1)))
-            };
-            let down = |pick: fn(&Coordinates) -> &[i32]| slope(pick(above)[cell], pick(here)[cell], pick(below)[cell]);
-            [row(&here.xs), row(&here.ys), down(|row| &row.xs), down(|row| &row.ys)]
-        };
+        let here = &near[1];
+        let side = |cell: usize| Coordinates::sides(near, cell);
         let middle = cells.start + cells.len() / 2;
-        let valid = cells.clone().filter(|&cell| here.valid[cell] != 0);
+        let valid = cells.clone().filter(|&cell| here.is_valid(cell));
         let Some(typical) = valid.clone().min_by_key(|cell| cell.abs_diff(middle)) else { return };
         let [ax, ay, bx, by] = side(typical);
         let shape = Shape::choose([ax, ay], [bx, by], source);

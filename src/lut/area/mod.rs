@@ -14,6 +14,8 @@ use std::fmt;
 use std::ops::Range;
 use std::sync::{Arc, Mutex, OnceLock};
 
+pub(crate) use build::check_sides;
+pub(crate) use rows::Coordinates;
 pub(crate) use shape::Shape;
 
 /// Coordinates and footprints are in 1/1024 pixel.
@@ -68,6 +70,19 @@ pub(crate) struct Cells {
     /// piece's shift.
     pub(crate) along: [Vec<i16>; 2],
     pub(crate) down: [Vec<i16>; 2],
+}
+
+/// Behind the last footprint of a band there are so many of nothing: loops over footprints may run in whole vectors.
+pub(crate) const PADDING: usize = 16;
+
+impl Cells {
+    fn pad(&mut self, count: usize) {
+        let Self { x, y, along, down } = self;
+        for array in [x, y] {
+            array.extend(std::iter::repeat_n(0, count));
+        }
+        along.iter_mut().chain(down).for_each(|array| array.extend(std::iter::repeat_n(0, count)));
+    }
 }
 
 /// The source averaged over boxes of `2^kx` columns and `2^ky` rows: entry (column, row) is the box whose top-left pixel

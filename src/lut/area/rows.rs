@@ -4,7 +4,7 @@ use super::Q;
 use crate::lut::table::{RunKind, Table, unframed};
 
 /// The coordinate of a cell without an image.
-pub(crate) const OUTSIDE: i32 = i32::MIN;
+const OUTSIDE: i32 = i32::MIN;
 
 /// The coordinates of a row in 1/1024 pixel, [`OUTSIDE`] where there is none.
 #[derive(Debug, Clone)]
@@ -18,6 +18,35 @@ pub(crate) struct Coordinates {
 impl Coordinates {
     pub(crate) fn new(columns: usize) -> Self {
         Self { xs: vec![OUTSIDE; columns], ys: vec![OUTSIDE; columns], valid: vec![0; columns] }
+    }
+
+    /// The rows before, at and after `row`, of which the last is still to be read.
+    pub(crate) fn three(table: &Table, row: usize) -> [Self; 3] {
+        let mut near = [(), (), ()].map(|()| Self::new(table.columns()));
+        near[0].read(table, row.checked_sub(1));
+        near[1].read(table, Some(row));
+        near
+    }
+
+    /// Whether a cell is in the mask.
+    pub(crate) fn is_valid(&self, cell: usize) -> bool {
+        self.valid[cell] != 0
+    }
+
+    /// Where a cell samples, 1/1024 pixel.
+    pub(crate) fn at(&self, cell: usize) -> [i32; 2] {
+        [self.xs[cell], self.ys[cell]]
+    }
+
+    /// The sides of the parallelogram that a cell of the middle row covers on the source, in 1/1024 pixel: (x, y) of the
+    /// one along the row, then of the one down the columns.
+    pub(crate) fn sides([above, here, below]: &[Self; 3], cell: usize) -> [i32; 4] {
+        let row = |values: &[i32]| {
+            let at = |cell: Option<usize>| cell.and_then(|cell| values.get(cell)).copied().unwrap_or(OUTSIDE);
+            slope(at(cell.checked_sub(1)), values[cell], at(Some(cell + 1)))
+        };
+        let down = |pick: fn(&Self) -> &[i32]| slope(pick(above)[cell], pick(here)[cell], pick(below)[cell]);
+        [row(&here.xs), row(&here.ys), down(|row| &row.xs), down(|row| &row.ys)]
     }
 
     /// Reads row `row` of a table; all outside where there is no such row.
@@ -65,7 +94,7 @@ fn fixed(whole: i32, fraction: u32) -> i32 {
 /// How a coordinate grows from cell to cell at `here`: half the way from the one before to the one after, or from or to
 /// the only one that sees the image; 0 where neither does.
 #[inline(always)]
-pub(crate) fn slope(before: i32, here: i32, after: i32) -> i32 {
+fn slope(before: i32, here: i32, after: i32) -> i32 {
     match (before != OUTSIDE, after != OUTSIDE) {
         (true, true) => (after - before) / 2,
         (true, false) => here - before,

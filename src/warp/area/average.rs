@@ -16,7 +16,10 @@ pub trait Average: Sized {
     /// way.
     fn quarter(isa: Isa, up: bool, rows: [&[Self]; 4], out: &mut [Self]);
 
-    /// Adds another probe of every cell; `first` is their first probe, which is no part of the sums.
+    /// The sum with another probe; `first` is the cell's first one, which is no part of it.
+    fn accumulate(sum: Self::Sum, first: Self, probe: Self) -> Self::Sum;
+
+    /// [`Average::accumulate`] for neighbouring cells.
     fn add(isa: Isa, first: &[Self], probe: &[Self], sums: &mut [Self::Sum]);
 
     /// The averages of `count` probes, in place of the first ones. `lean` undoes what rounding halfway numbers up in one
@@ -35,9 +38,13 @@ macro_rules! average {
                     let samples = out.len();
                     let (a, b) = (&a[..samples], &b[..samples]);
                     if up {
-                        (0..samples).for_each(|i| out[i] = $up(a[i], b[i]));
+                        for i in 0..samples {
+                        out[i] = $up(a[i], b[i]);
+                    }
                     } else {
-                        (0..samples).for_each(|i| out[i] = $down(a[i], b[i]));
+                        for i in 0..samples {
+                        out[i] = $down(a[i], b[i]);
+                    }
                     }
                 }
                 for_each_isa!(isa, (body, body, body)(up: bool, a: &[$type], b: &[$type], out: &mut [$type]));
@@ -49,12 +56,21 @@ macro_rules! average {
                     let samples = out.len();
                     let [a, b, c, d] = rows.map(|row| &row[..samples]);
                     if up {
-                        (0..samples).for_each(|i| out[i] = $down($up(a[i], b[i]), $up(c[i], d[i])));
+                        for i in 0..samples {
+                        out[i] = $down($up(a[i], b[i]), $up(c[i], d[i]));
+                    }
                     } else {
-                        (0..samples).for_each(|i| out[i] = $up($down(a[i], b[i]), $down(c[i], d[i])));
+                        for i in 0..samples {
+                        out[i] = $up($down(a[i], b[i]), $down(c[i], d[i]));
+                    }
                     }
                 }
                 for_each_isa!(isa, (body, body, body)(up: bool, rows: [&[$type]; 4], out: &mut [$type]));
+            }
+
+            #[inline(always)]
+            fn accumulate(sum: $sum, first: $type, probe: $type) -> $sum {
+                $add(sum, first, probe)
             }
 
             fn add(isa: Isa, first: &[$type], probe: &[$type], sums: &mut [$sum]) {
@@ -62,7 +78,9 @@ macro_rules! average {
                 fn body(first: &[$type], probe: &[$type], sums: &mut [$sum]) {
                     let samples = sums.len();
                     let (first, probe) = (&first[..samples], &probe[..samples]);
-                    (0..samples).for_each(|i| sums[i] = $add(sums[i], first[i], probe[i]));
+                    for i in 0..samples {
+                        sums[i] = $add(sums[i], first[i], probe[i]);
+                    }
                 }
                 for_each_isa!(isa, (body, body, body)(first: &[$type], probe: &[$type], sums: &mut [$sum]));
             }
@@ -73,7 +91,9 @@ macro_rules! average {
                     let samples = cells.len();
                     let sums = &sums[..samples];
                     let finish = $finish(count, lean);
-                    (0..samples).for_each(|i| cells[i] = finish(sums[i], cells[i]));
+                    for i in 0..samples {
+                        cells[i] = finish(sums[i], cells[i]);
+                    }
                 }
                 for_each_isa!(isa, (body, body, body)(count: u32, lean: bool, sums: &[$sum], cells: &mut [$type]));
             }
@@ -81,31 +101,41 @@ macro_rules! average {
     };
 }
 
-// At most 256 probes: their sum fits 16 bits. A quotient is a whole number of 1 / 2 count from a whole number, so half of
-// that added keeps the rounding of the multiplication from reaching the next one.
+/// Halfway down: halfway up of what is left to the largest number. The compiler knows the instruction for up alone.
+macro_rules! halfway {
+    ($type:ty, $wide:ty) => {
+        (
+            |a: $type, b: $type| ((<$wide>::from(a) + <$wide>::from(b) + 1) >> 1) as $type,
+            |a: $type, b: $type| !(((<$wide>::from(!a) + <$wide>::from(!b) + 1) >> 1) as $type),
+        )
+    };
+}
+
+// The sum of at most 256 probes fits 16 bits. Its quotient is whole, or by 1 / count or more below a whole number; the
+// rounded inverse adds less than 2^16 / 2^24, so that the whole part is right, and the product fits 32 bits:
+// 255.5 count (2^24 / count + 1) < 2^32.
 average!(
     u8,
     u16,
-    |a: u8, b: u8| ((u16::from(a) + u16::from(b) + 1) >> 1) as u8,
-    |a: u8, b: u8| ((u16::from(a) + u16::from(b)) >> 1) as u8,
+    halfway!(u8, u16).0,
+    halfway!(u8, u16).1,
     |sum: u16, _: u8, probe: u8| sum + u16::from(probe),
     |count: u32, lean: bool| {
-        let half = count as f32 * if lean { 0.25 } else { 0.5 } + 0.25;
-        let inverse = 1.0 / count as f32;
-        move |sum: u16, first: u8| ((f32::from(sum) + f32::from(first) + half) * inverse) as i32 as u8
+        let (half, inverse) = (count / if lean { 4 } else { 2 }, (1u32 << 24).div_ceil(count));
+        move |sum: u16, first: u8| (((u32::from(sum) + u32::from(first) + half) * inverse) >> 24) as u8
     }
 );
 
+// likewise: 2^25 / 2^40
 average!(
     u16,
     u32,
-    |a: u16, b: u16| ((u32::from(a) + u32::from(b) + 1) >> 1) as u16,
-    |a: u16, b: u16| ((u32::from(a) + u32::from(b)) >> 1) as u16,
+    halfway!(u16, u32).0,
+    halfway!(u16, u32).1,
     |sum: u32, _: u16, probe: u16| sum + u32::from(probe),
     |count: u32, lean: bool| {
-        let half = f64::from(count) * if lean { 0.25 } else { 0.5 } + 0.25;
-        let inverse = 1.0 / f64::from(count);
-        move |sum: u32, first: u16| ((f64::from(sum) + f64::from(first) + half) * inverse) as i32 as u16
+        let (half, inverse) = (count / if lean { 4 } else { 2 }, (1u64 << 40).div_ceil(count.into()));
+        move |sum: u32, first: u16| ((u64::from(sum + u32::from(first) + half) * inverse) >> 40) as u16
     }
 );
 

@@ -19,14 +19,18 @@ use crate::cpu::Isa;
 use crate::error::Result;
 use crate::image::{ImageView, ImageViewMut, RowsMut};
 use crate::lut::Lut;
-use crate::lut::area::{Cells, Piece, Plan, Shape};
+use crate::lut::area::{Cells, PADDING, Piece, Plan, Shape};
 use crate::lut::table::{RunKind, Segment, Tap};
 use crate::parallel;
 use levels::{Levels, Room};
 use probes::Lattice;
 
-/// So many cells are probed at once: taps, one probe and the sums of three channels are 1.5 KB.
+/// So many cells are probed at once, and at the end of a piece up to a vector more: taps, one probe and the sums of three
+/// channels are 1.5 KB.
 const BATCH: usize = 64;
+
+/// Room for a batch, rounded up to whole vectors.
+const ROOM: usize = BATCH + PADDING;
 
 /// Warps images that fit the table, the options and the outputs.
 pub(super) fn warp<T: Bilinear>(
@@ -74,7 +78,7 @@ struct Job<'a, T> {
 
 /// What a thread needs for a batch.
 struct Scratch<T: Average> {
-    taps: [Tap; BATCH],
+    taps: [Tap; ROOM],
     probe: Vec<T>,
     sums: Vec<T::Sum>,
 }
@@ -84,9 +88,9 @@ impl<T: Bilinear> Job<'_, T> {
     fn run(&self, first: usize, rows: RowsMut<'_, T>) {
         let channels = self.source.channels();
         let mut scratch = Scratch {
-            taps: [Tap::default(); BATCH],
-            probe: vec![T::default(); BATCH * channels],
-            sums: vec![T::Sum::default(); BATCH * channels],
+            taps: [Tap::default(); ROOM],
+            probe: vec![T::default(); ROOM * channels],
+            sums: vec![T::Sum::default(); ROOM * channels],
         };
         for (row, cells) in (first..).zip(rows) {
             let (mut pieces, footprints) = self.plan.row(row);
@@ -152,12 +156,17 @@ impl<T: Bilinear> Job<'_, T> {
             (self.on_levels.inside, self.source.border())
         };
         let level = Source::new(level, border);
-        for (batch, values) in cells.chunks_mut(BATCH * channels).enumerate() {
-            let (first, count) = (start + batch * BATCH, values.len() / channels);
-            let taps = &mut scratch.taps[..count];
+        let (mut first, mut rest) = (start, cells);
+        while !rest.is_empty() {
+            // no rest of a few cells, for which kernels have no vectors
+            let left = rest.len() / channels;
+            let count = if left < ROOM { left } else { BATCH };
+            let values;
+            (values, rest) = rest.split_at_mut(count * channels);
             let (probe, sums) = (&mut scratch.probe[..values.len()], &mut scratch.sums[..values.len()]);
             for (index, at) in lattice_of(piece.shape).enumerate() {
-                lattice.taps(self.isa, at, footprints, first, taps);
+                lattice.taps(self.isa, at, footprints, first, &mut scratch.taps[..count.next_multiple_of(PADDING)]);
+                let taps = &scratch.taps[..count];
                 if index == 0 {
                     kernel(&level, taps, values);
                     sums.fill(T::Sum::default());
@@ -167,6 +176,7 @@ impl<T: Bilinear> Job<'_, T> {
                 }
             }
             self.finish(piece.shape, piece.shape.probes(), sums, values);
+            first += count;
         }
     }
 
@@ -183,31 +193,30 @@ impl<T: Bilinear> Job<'_, T> {
         let (image, channels) = (self.source.image(), values.len());
         let size = [image.width(), image.height()].map(|side| side as i32);
         let last = lattice.last_entry(size);
-        let (probe, sums) = (&mut scratch.probe[..channels], &mut scratch.sums[..channels]);
+        let sums = &mut scratch.sums[..channels];
         sums.fill(T::Sum::default());
         let mut count = 0;
-        let centre = [footprints.x[cell], footprints.y[cell]];
-        let inside = lattice_of(lattice.shape).map(|at| lattice.position(at, footprints, cell));
-        // where every probe is outside, though the middle is not: the middle
-        let mut positions: Vec<[i32; 2]> = Vec::new();
-        positions.extend(inside.filter(|&at| Lattice::is_inside(at, size)));
-        if positions.is_empty() {
-            positions.push(centre);
-        }
-        for position in positions {
+        let mut probe = |position: [i32; 2]| {
             let ([x, y], [fx, fy]) = lattice.entry(position, last);
             let (right, below) = ((x + 1).min(last[0] as usize), (y + 1).min(last[1] as usize));
             let row = |y: usize| y - first_row as usize;
             let pixels = [(x, y), (right, y), (x, below), (right, below)].map(|(x, y)| level.pixel(x, row(y)));
             let weights = T::weights(fx, fy);
-            let into = if count == 0 { &mut *values } else { &mut *probe };
-            for (channel, value) in into.iter_mut().enumerate() {
-                *value = <T as Blend>::blend(weights, pixels.map(|pixel| pixel[channel]));
-            }
-            if count > 0 {
-                T::add(self.isa, values, probe, sums);
+            for (channel, (value, sum)) in values.iter_mut().zip(&mut *sums).enumerate() {
+                let probe = <T as Blend>::blend(weights, pixels.map(|pixel| pixel[channel]));
+                match count {
+                    0 => *value = probe,
+                    _ => *sum = T::accumulate(*sum, *value, probe),
+                }
             }
             count += 1;
+        };
+        let positions = || lattice_of(lattice.shape).map(|at| lattice.position(at, footprints, cell));
+        let is_inside = |at: &[i32; 2]| Lattice::is_inside(*at, size);
+        positions().filter(is_inside).for_each(&mut probe);
+        if !positions().any(|at| is_inside(&at)) {
+            // every probe is outside, though the middle is not
+            probe([footprints.x[cell], footprints.y[cell]]);
         }
         self.finish(lattice.shape, count, sums, values);
     }
