@@ -5,7 +5,7 @@ use std::hash::{Hash, Hasher};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 
-use super::convert::{Floats, Reduced, float, floats, rebuilt_by_new, type_name};
+use super::convert::{Floats, Reduced, float, floats, rebuilt_by_new, tuple_text, type_name};
 use super::error::classes::{ArgumentError, ArgumentTypeError};
 use crate::{BrownConrady, DoubleSphere, Eucm, KannalaBrandt, Lens, Mei, Ocam, RadialPolynomial};
 
@@ -16,7 +16,10 @@ fn numbers(name: &str, object: &Bound<'_, PyAny>) -> PyResult<Vec<f64>> {
         [_] => Ok(floats.values().to_vec()),
         // OpenCV writes its coefficients as a row or a column
         [1, _] | [_, 1] => Ok(floats.values().to_vec()),
-        shape => Err(ArgumentError::new_err(format!("{name}: expected a list of numbers, got shape {shape:?}"))),
+        shape => {
+            let got = tuple_text(shape);
+            Err(ArgumentError::new_err(format!("{name}: expected a list of numbers, got an array of shape {got}")))
+        }
     }
 }
 
