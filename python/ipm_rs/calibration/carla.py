@@ -153,6 +153,8 @@ def intrinsics(image_size: Sequence[int], fov: float, *, where: str = "fov") -> 
     angle = number(fov, where, unit="degrees", positive=True)
     if angle >= 180:
         raise CalibrationError(f"{where}: expected less than 180 degrees, got {angle:g}; a pinhole sees no more")
+    if angle < 1e-6:
+        raise CalibrationError(f"{where}: expected 1e-6 degrees or more, got {angle:g}; give the angle in degrees")
     if not isinstance(image_size, (list, tuple, np.ndarray)):
         raise ArgumentTypeError(
             f"image_size: expected (width, height), got {describe(image_size)}; give two whole numbers"

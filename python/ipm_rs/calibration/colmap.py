@@ -71,6 +71,7 @@ def missing(document: Document) -> str | None:
     return None if rows and len(rows[0][1]) > 4 and rows[0][1][1] in known else "no line CAMERA_ID MODEL WIDTH HEIGHT"
 
 
+@np.errstate(over="ignore", invalid="ignore")  # what becomes infinite, the camera refuses
 def read(
     source: str | os.PathLike[str],
     *,

@@ -59,6 +59,7 @@ def missing(document: Document) -> str | None:
     return None if "camera_model" in document.text else "no key 'camera_model'"
 
 
+@np.errstate(over="ignore", invalid="ignore")  # what becomes infinite, the camera refuses
 def read(
     source: Source,
     *,

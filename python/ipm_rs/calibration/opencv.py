@@ -28,6 +28,7 @@ rectified      ``R1, P1, R2, P2``
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, Literal
@@ -40,7 +41,7 @@ from ipm_rs.calibration._checks import blame, describe, inverse, listed, matrix,
 from ipm_rs.calibration._checks import image_size as checked_size
 from ipm_rs.calibration._files import Document, Source, open_document, same_size
 from ipm_rs.calibration._filestorage import parse_storage, plain
-from ipm_rs.calibration._mount import argument, mounted, rigid_argument
+from ipm_rs.calibration._mount import metric, mounted, rigid_argument
 from ipm_rs.errors import ArgumentError, CalibrationError
 
 if TYPE_CHECKING:
@@ -89,6 +90,7 @@ def _has_key(text: str, names: tuple[str, ...]) -> bool:
     return re.search(pattern, text, re.MULTILINE | re.IGNORECASE) is not None
 
 
+@np.errstate(over="ignore", invalid="ignore")  # what becomes infinite, the camera refuses
 def read(
     source: Source,
     *,
@@ -167,7 +169,7 @@ def read(
                 f"{values.origin}: expected R and T from camera 1 to camera 2, missing; pass the file that has them as "
                 "extrinsics="
             )
-        pose = rigid(rotation(R[0], R[1]), _three(*T) * argument(metres_per_unit, "metres_per_unit")) @ pose
+        pose = metric(rigid(rotation(*R), _three(*T)), metres_per_unit) @ pose
     model: Any = None
     if rectified:
         K, turn = _rectified(values, side)
@@ -310,15 +312,18 @@ def _world_pose(values: _Named, metres_per_unit: float, vehicle_from_world: Arra
         return None
     if rvec is None or tvec is None:
         raise CalibrationError(f"{values.origin}: expected rvec and tvec, got one of them; add the other")
-    t = _three(*tvec) * argument(metres_per_unit, "metres_per_unit")
-    turn = np.asarray(rvec[0]) if isinstance(rvec[0], (list, np.ndarray)) else None
-    R = rotation(*rvec) if turn is not None and turn.size == 9 else _rodrigues(_three(*rvec))
-    return rigid(R, t) @ inverse(rigid_argument(vehicle_from_world, "vehicle_from_world"))
+    flat = _flat(rvec[0])
+    if isinstance(flat, (list, tuple)) and (len(flat) == 9 or any(isinstance(row, (list, tuple)) for row in flat)):
+        R = rotation(flat, rvec[1])
+    else:
+        R = _rodrigues(numbers(flat, rvec[1], 3))
+    world = rigid_argument(vehicle_from_world, "vehicle_from_world")
+    return metric(rigid(R, _three(*tvec)), metres_per_unit) @ inverse(world)
 
 
 def _rodrigues(rvec: Matrix) -> Matrix:
     """Rotation by |rvec| radians about rvec, after Rodrigues."""
-    angle = float(np.sqrt((rvec * rvec).sum()))
+    angle = math.hypot(*rvec)
     if angle == 0:
         return np.eye(3)
     x, y, z = rvec / angle

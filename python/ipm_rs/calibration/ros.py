@@ -67,6 +67,7 @@ def missing(document: Document) -> str | None:
     return "no [image] section, and no image_width with projection_matrix"
 
 
+@np.errstate(over="ignore", invalid="ignore")  # what becomes infinite, the camera refuses
 def read(
     source: str | os.PathLike[str] | Mapping[str, Any] | Any,
     *,
