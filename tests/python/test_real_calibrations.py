@@ -117,3 +117,29 @@ def test_fisheyes(shared_data, name):
     camera = ipm_rs.Camera.from_opencv(path, lens="fisheye")
     assert camera.image_size == (960, 640)
     check(camera, parse_storage(path.read_text(), name)["dist_coeffs"], fisheye=True)
+
+
+def test_carla_town(shared_data):
+    """The lane boundaries of the simulator's map lie on our camera's road, on their own sides and on the markings."""
+    pillow = pytest.importorskip("PIL.Image")
+    folder = shared_data / "carla"
+    image = np.asarray(pillow.open(folder / "town04.png").convert("L")).astype(float)
+    camera = ipm_rs.Camera.from_carla(image_size=(1024, 512), fov=45, transform={"z": 1.3, "pitch": -5})
+    # World (left-handed) to camera (optical): its determinant is -1.
+    camera_from_world = np.loadtxt(folder / "town04_trafo.txt")
+    boundary = np.loadtxt(folder / "town04_boundary.txt")
+    vehicle_from_world = camera.vehicle_from_camera @ camera_from_world
+    left, right = (
+        (np.column_stack([boundary[:, start : start + 3], np.ones(len(boundary))]) @ vehicle_from_world.T)[:, :3]
+        for start in (0, 3)
+    )
+    np.testing.assert_allclose([left[:, 2], right[:, 2]], 0, atol=0.01)
+    assert (left[:8, 1] > 1).all() and (right[:8, 1] < -1).all(), "not mirrored"
+
+    # The right marking is solid: it is brighter than the road 0.4 m beside it.
+    near = right[(right[:, 0] > 5) & (right[:, 0] < 20)]
+    brightness = []
+    for aside in (-0.4, 0.0, 0.4):
+        u, v = np.round(camera.project(near + np.array([0.0, aside, 0.0]))[0]).astype(int).T
+        brightness.append(image[v, u].mean())
+    assert brightness[1] > max(brightness[0], brightness[2]) + 15

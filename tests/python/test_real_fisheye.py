@@ -121,3 +121,22 @@ def test_squares_of_the_cloth(shared_data, name):
     expected = {"front": (2.5, 0.2), "back": (-2.0, 0.05), "left": (0.8, 1.05), "right": (0.8, -1.0)}[name]
     np.testing.assert_allclose(camera.position[:2], expected, atol=0.1)
     assert 0.6 < camera.position[2] < 1.1
+
+
+@pytest.mark.parametrize("name", ["front", "back", "left", "right"])
+def test_no_ghosts_within_thirty_metres(shared_data, name):
+    """Every valid cell is the one place on the road that its pixel sees, and lies on the camera's side of the car."""
+    path = shared_data / "fisheye_surround" / f"{name}.yaml"
+    camera = from_homography(path, ipm_rs.Camera.from_opencv(path, lens="fisheye"), name)
+    grid = ipm_rs.BevGrid(x=(-30, 30), y=(-30, 30), resolution=0.25)
+    mask = ipm_rs.Lut(camera, grid).mask
+    assert mask.mean() > 0.2
+    cells = grid.xy()[mask]
+    uv, _, valid = camera.project(cells)
+    assert valid.mean() > 0.999  # the table's coordinates are float32: a cell on the limit may differ
+    back = camera.ground_from_pixels(uv[valid])[:, :2]
+    far = np.linalg.norm(cells[valid] - camera.position[:2], axis=1)
+    assert (np.linalg.norm(back - cells[valid], axis=1) / far).max() < 1e-4
+    rays = np.column_stack([cells, np.zeros(len(cells))]) - camera.position
+    angles = np.arccos((rays @ camera.vehicle_from_camera[:3, 2]) / np.linalg.norm(rays, axis=1))
+    assert angles.max() <= camera.lens.max_angle + 1e-6
