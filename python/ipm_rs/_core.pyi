@@ -526,16 +526,11 @@ class Camera:
             MissingExtraError: pyarrow, which reads the files, is not installed.
         """
     @classmethod
-    def from_waymo(
-        cls,
-        source: str | PathLike[str] | Mapping[str, Any] | Sequence[Mapping[str, Any]],
-        *,
-        camera: str | int | None = None,
-    ) -> Camera:
+    def from_waymo(cls, source: Any, *, camera: str | int | None = None) -> Camera:
         """A camera from Waymo's CameraCalibration fields; see `ipm_rs.calibration.waymo.read`.
 
         Args:
-            source: one calibration, a list, or a context, as mappings or as a JSON file.
+            source: one calibration, a list, or a context, as mappings or as a JSON file; or `CameraCalibration` messages.
             camera: its name or number; not needed for one.
 
         Raises:

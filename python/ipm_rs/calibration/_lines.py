@@ -14,6 +14,8 @@ __all__ = ["MAX_LINES", "Files", "key_lines", "nested_lines"]
 MAX_LINES = 1000
 """Of a calibration file; those of KITTI have 8 to 40."""
 
+_MAX_BYTES = 1 << 20
+
 
 def key_lines(document: Document) -> Section:
     """Every line ``KEY: numbers`` (or ``KEY numbers``) of a file; empty lines are skipped.
@@ -62,6 +64,10 @@ def nested_lines(document: Document) -> Section:
 
 
 def _lines(document: Document) -> list[str]:
+    if len(document.data) > _MAX_BYTES:
+        raise CalibrationError(
+            f"{document.origin}: expected at most {_MAX_BYTES >> 20} MB of text, got more; pass the calibration alone"
+        )
     lines = document.text.splitlines()
     if len(lines) > MAX_LINES:
         raise CalibrationError(

@@ -17,14 +17,14 @@ give a row of the ``camera_calibration`` parquet table, whose column names begin
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from ipm_rs._core import BrownConrady, Camera
 from ipm_rs.calibration._checks import OPTICAL_FROM_FLU, Section, blame, describe, listed, pinhole, pose, rigid
-from ipm_rs.calibration._files import Document, Source, open_document
+from ipm_rs.calibration._files import Document, open_document
 from ipm_rs.errors import ArgumentError, ArgumentTypeError, CalibrationError
 
 __all__ = ["TITLE", "missing", "read"]
@@ -39,11 +39,7 @@ _NAME_COLUMN = "key.camera_name"
 
 
 @np.errstate(all="ignore")  # what overflows is for the camera to refuse, not for NumPy to warn of
-def read(
-    source: Source | Sequence[Mapping[str, Any]],
-    *,
-    camera: str | int | None = None,
-) -> Camera:
+def read(source: Any, *, camera: str | int | None = None) -> Camera:
     """Read a camera of the Waymo Open Dataset.
 
     Parameters
