@@ -1,5 +1,6 @@
 //! A road of heights at the nodes of a grid.
 
+use super::peaks::Peaks;
 use crate::error::{Error, Result, finite};
 
 /// How close to a whole number of spacings a position counts as that node, so that rounding puts no sample of the map's
@@ -19,6 +20,7 @@ pub struct HeightMap {
     spacing: (f64, f64),
     /// Lowest and highest of the known heights.
     range: (f64, f64),
+    peaks: Peaks,
 }
 
 /// Where a position lies between the nodes of one axis.
@@ -68,7 +70,8 @@ impl HeightMap {
         if range.0 > range.1 {
             return Err(Error::HeightMap { expected: "at least one known height", got: "NaN alone".to_owned() });
         }
-        Ok(Self { heights, rows, columns, origin, spacing, range })
+        let peaks = Peaks::new(&heights, columns, spacing);
+        Ok(Self { heights, rows, columns, origin, spacing, range, peaks })
     }
 
     /// The heights, row by row.
@@ -99,6 +102,11 @@ impl HeightMap {
     /// Lowest and highest known height.
     pub(super) fn range(&self) -> (f64, f64) {
         self.range
+    }
+
+    /// How high and how steep it gets.
+    pub(super) fn peaks(&self) -> &Peaks {
+        &self.peaks
     }
 
     /// z of the road at (x, y); NaN where it is unknown.

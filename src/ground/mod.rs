@@ -1,6 +1,7 @@
 //! The road: a height, a plane or a height map.
 
 mod height_map;
+mod peaks;
 mod plane;
 mod ray;
 mod rows;
