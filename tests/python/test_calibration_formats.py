@@ -253,3 +253,18 @@ def test_any_value_of_a_mapping_changed(sample, data):
         assert len(str(error)) < 8000
     else:
         assert isinstance(camera, ipm_rs.Camera)
+
+
+def test_messages_name_the_place_inside_a_matrix():
+    """One bad row is named, and no other needed key is offered as a misspelling."""
+    record = json.loads(SAMPLES["nuscenes record"].files["record.json"])
+    record["camera_intrinsic"][1] = None
+    with refuses(errors.CalibrationError, "camera_intrinsic[1]: expected a list of 3 numbers, got None"):
+        ipm_rs.Camera.from_nuscenes(record)
+    with pytest.raises(errors.CalibrationError) as caught:
+        ipm_rs.Camera.from_carla({"image_size_x": 640, "fov": 90})
+    assert "missing image_size_y" in str(caught.value) and "where there is" not in str(caught.value)
+    with refuses(errors.CalibrationError, "missing fov, where there is 'FOV'"):
+        ipm_rs.Camera.from_carla({"image_size_x": 640, "image_size_y": 480, "FOV": 90})
+    with refuses(errors.CalibrationError, "image_size_x", "got 2147483648"):
+        ipm_rs.Camera.from_carla({"image_size_x": 2**31, "image_size_y": 480, "fov": 90})

@@ -138,6 +138,26 @@ def test_real_object_file(shared_data, frame):
     assert valid and 550 < uv[0] < 680 and 240 < uv[1] < 310, "12 m ahead on the road is below the image's centre"
 
 
+def test_real_labels(shared_data):
+    """The corners of each 3D box, in the rectified camera's axes, are framed by its 2D box."""
+    camera = ipm_rs.Camera.from_kitti(shared_data / "kitti" / "000114_calib.txt", image_size=SIZE, frame="camera")
+    differences = []
+    for line in (shared_data / "kitti" / "000114_label.txt").read_text().splitlines():
+        kind, truncated, occluded, _, *numbers = line.split()
+        if kind == "DontCare" or float(truncated) > 0 or occluded != "0":
+            continue
+        left, top, right, bottom, height, width, length, x, y, z, turn = map(float, numbers[:11])
+        if left <= 0 or top <= 0 or right >= SIZE[0] - 1 or bottom >= SIZE[1] - 1:
+            continue
+        c, s = math.cos(turn), math.sin(turn)
+        box = np.array([(i * length / 2, -j * height, k * width / 2) for i in (-1, 1) for j in (0, 1) for k in (-1, 1)])
+        optical = box @ np.array([[c, 0, -s], [0, 1, 0], [s, 0, c]]) + (x, y, z)
+        uv, *_ = camera.project(optical @ FLU_FROM_OPTICAL.T)
+        differences.append(np.array([*uv.min(axis=0), *uv.max(axis=0)]) - (left, top, right, bottom))
+    assert len(differences) >= 3
+    assert np.abs(np.median(differences, axis=0)).max() < 2, "un-truncated boxes agree to a pixel or so"
+
+
 @pytest.mark.parametrize(
     ("change", "named"),
     [

@@ -94,8 +94,9 @@ def whole(value: Any, where: str, *, minimum: int = 0, maximum: int = 2**31 - 1,
     """Check one whole number; ``640.0`` counts as one."""
     real = number(value, where, unit=unit)
     if real != int(real) or not minimum <= real <= maximum:
-        got = f"{real:g}"
-        raise CalibrationError(f"{where}: expected a whole number from {minimum} to {maximum}, got {got}; correct it")
+        raise CalibrationError(
+            f"{where}: expected a whole number from {minimum} to {maximum}, got {real:.15g}; correct it"
+        )
     return int(real)
 
 
@@ -117,7 +118,7 @@ def matrix(value: Any, where: str, shape: tuple[int, int], *, unit: str = "") ->
     """Check a matrix of finite numbers, given by rows, as one row-major list, or as an array; float64."""
     rows, columns = shape
     items = _items(value)
-    if items is not None and len(items) == rows and all(_items(item) is not None for item in items):
+    if items is not None and len(items) == rows and any(_items(item) is not None for item in items):
         return np.array([numbers(row, f"{where}[{i}]", columns, unit=unit) for i, row in enumerate(items)])
     if items is None or len(items) != rows * columns:
         got = describe(value) if items is None else _shape(items)
@@ -282,7 +283,7 @@ class Section:
 
     def require(self, *keys: str) -> None:
         """Check that all keys are there; every missing one is named at once."""
-        missing = [key + self.hint(key) for key in keys if key not in self.content]
+        missing = [key + self.hint(key, known=keys) for key in keys if key not in self.content]
         if missing:
             raise CalibrationError(
                 f"{self.where()}: expected the keys {', '.join(keys)}, missing {'; '.join(missing)}; add them, "
@@ -298,9 +299,9 @@ class Section:
                 "what does not belong"
             )
 
-    def hint(self, key: str) -> str:
+    def hint(self, key: str, known: Sequence[str] = ()) -> str:
         """Name the key there that may be a misspelling of a missing one; empty if there is none."""
-        names = [name for name in self.content if isinstance(name, str)]
+        names = [name for name in self.content if isinstance(name, str) and name not in known]
         alike = [name for name in names if name.lower() == key.lower()]
         if not alike and len(key) > 2:  # short names are all alike
             alike = difflib.get_close_matches(key, names, n=1)

@@ -106,6 +106,7 @@ def read(
         if value is not None and there:
             raise ArgumentError(f"{name}: expected none, since {place.where(there[0])} is there, got one too; drop one")
     if "image_size_x" in place or "image_size_y" in place:
+        place.require(*_SIZE)
         size: Any = tuple(whole(_real(place.value(key)), place.where(key), minimum=1) for key in _SIZE)
         same_size(image_size, size, place.where())
     else:

@@ -134,7 +134,9 @@ def _choose(source: Any, camera: Any) -> Section:
     found = [place for place, name in zip(places, names, strict=True) if camera is not None and name == wanted]
     if len(found) != 1:
         got = "none" if camera is None else f"{camera!r}" + (f", which {len(found)} have" if found else "")
-        raise ArgumentError(f"camera: expected one of {origin}, got {got}; pass one of {listed(map(str, names))}")
+        raise ArgumentError(
+            f"camera: expected one of {origin}, got {got}; pass one of {listed(name or '?' for name in names)}"
+        )
     return found[0]
 
 
