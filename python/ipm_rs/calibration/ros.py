@@ -117,7 +117,7 @@ def read(
     if image not in ("raw", "rectified"):
         raise ArgumentError(f"image: expected 'raw' or 'rectified', got {image!r:.60}; say which images will be warped")
     section = _content(source, camera)
-    section.require("width", "height", "K", *(("R", "P") if image == "rectified" else ("D",)))
+    section.require("width", "height", *(("R", "P") if image == "rectified" else ("K", "D")))
     full = section.image_size("width", "height")
     pose = mounted(camera_from_vehicle, vehicle_from_camera)
     lens: BrownConrady | KannalaBrandt | None = None
