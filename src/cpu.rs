@@ -106,6 +106,40 @@ pub fn cpu_features() -> Vec<&'static str> {
     found.into_iter().filter_map(|(name, present)| present.then_some(name)).collect()
 }
 
+/// A loop of plain Rust, compiled once for each instruction set (decision 0005).
+///
+/// `run` must be `#[inline(always)]`, or it is compiled for the baseline alone.
+pub(crate) trait Body {
+    /// What it returns.
+    type Output;
+
+    /// The loop.
+    fn run(self) -> Self::Output;
+}
+
+/// Runs the loop in the vectors of `isa`.
+pub(crate) fn run<B: Body>(isa: Isa, body: B) -> B::Output {
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2")]
+    fn avx2<B: Body>(body: B) -> B::Output {
+        body.run()
+    }
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512vbmi,avx512vnni")]
+    fn avx512<B: Body>(body: B) -> B::Output {
+        body.run()
+    }
+    match isa {
+        #[cfg(target_arch = "x86_64")]
+        // SAFETY: an `Isa` other than scalar is only made where `Isa::is_supported` found what it needs.
+        Isa::Avx2 => unsafe { avx2(body) },
+        #[cfg(target_arch = "x86_64")]
+        // SAFETY: as above.
+        Isa::Avx512 => unsafe { avx512(body) },
+        _ => body.run(),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

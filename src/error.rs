@@ -452,6 +452,18 @@ pub enum Error {
         /// (rows, columns) of the values.
         got: (usize, usize),
     },
+    /// A box or a polygon that is none.
+    #[error(
+        "{what}: expected finite metres (boxes: x, y, length, width, yaw; polygons: at least 3 corners x, y), got {problem} at index {index}"
+    )]
+    Shape {
+        /// The parameter's name.
+        what: &'static str,
+        /// Which of them.
+        index: usize,
+        /// What is wrong with it.
+        problem: &'static str,
+    },
     /// Height slices that are not ascending.
     #[error("slices: expected at least two finite heights in ascending order, the edges of the slices, got {got:?}")]
     Slices {

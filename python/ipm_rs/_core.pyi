@@ -37,6 +37,8 @@ __all__ = [
     "homography_from_points",
     "points_from_depth",
     "rasterize",
+    "rasterize_boxes",
+    "rasterize_polygons",
     "remap",
     "render_points",
     "rotation_from_euler",
@@ -1508,6 +1510,64 @@ def rasterize(
         DtypeError: points that are not float32 or float64, values that are not real.
         ArgumentTypeError: not an array, not a grid.
         OutOfMemoryError: the layers do not fit.
+    """
+
+def rasterize_boxes(
+    boxes: ArrayLike,
+    grid: BevGrid,
+    labels: Sequence[int] | NDArray[np.integer[Any]] | None = None,
+    *,
+    background: int = 0,
+    out: NDArray[np.int32] | None = None,
+) -> NDArray[np.int32]:
+    """Gives a label to the cells whose centres are inside of boxes; later boxes win.
+
+    The centre is that of the cell's square, whatever the grid's `sample_at`.
+
+    Args:
+        boxes: (N, 5): x, y of the centre, length (along the heading), width, all in metres; yaw in radians, positive to
+            the left, 0 along +x.
+        grid: the cells.
+        labels: one for each box; by default 1, 2, 3, ...
+        background: the label of all other cells.
+        out: where to draw, (rows, columns) int32; what is outside the boxes stays.
+
+    Returns:
+        (rows, columns) int32.
+
+    Raises:
+        ArgumentError: a number that is not finite or beyond 1e9 m, a negative size, shapes or numbers that do not fit.
+        ArgumentTypeError, DtypeError: the wrong type.
+    """
+
+def rasterize_polygons(
+    polygons: Sequence[ArrayLike],
+    grid: BevGrid,
+    labels: Sequence[int] | NDArray[np.integer[Any]] | None = None,
+    *,
+    background: int = 0,
+    out: NDArray[np.int32] | None = None,
+) -> NDArray[np.int32]:
+    """Gives a label to the cells whose centres are inside of polygons; later polygons win.
+
+    Inside is what an odd number of edges separates from far away (the even-odd rule): any winding will do, and where a
+    polygon crosses itself, what it surrounds twice is outside. A centre on an edge belongs to the side that is nearer or
+    to the right of it, so polygons that share an edge share no cell and leave none out. Holes: draw them afterwards
+    with the label of the background.
+
+    Args:
+        polygons: a list of (M, 2) arrays: x, y of at least 3 corners in metres; the last is joined to the first.
+        grid: the cells.
+        labels: one for each polygon; by default 1, 2, 3, ...
+        background: the label of all other cells.
+        out: where to draw, (rows, columns) int32; what is outside the polygons stays.
+
+    Returns:
+        (rows, columns) int32.
+
+    Raises:
+        ArgumentError: fewer than 3 corners, a corner that is not finite or beyond 1e9 m, shapes or numbers that do not fit.
+        ArgumentTypeError, DtypeError: the wrong type.
     """
 
 def remap(

@@ -65,6 +65,7 @@ impl From<Error> for PyErr {
             | Error::PointColumns { .. }
             | Error::PointValues { .. }
             | Error::Slices { .. }
+            | Error::Shape { .. }
             | Error::DensityFull { .. }
             | Error::Threads { .. }
             | Error::Interpolation { .. }

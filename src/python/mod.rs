@@ -34,6 +34,7 @@ mod maps;
 mod options;
 mod points;
 mod raster;
+mod shapes;
 mod shared;
 
 use pyo3::prelude::*;
@@ -67,6 +68,8 @@ mod core_module {
     use super::lut::PyLut;
     #[pymodule_export]
     use super::raster::rasterize;
+    #[pymodule_export]
+    use super::shapes::{rasterize_boxes, rasterize_polygons};
     #[pymodule_export]
     use super::{cpu_info, get_num_threads, set_num_threads};
 

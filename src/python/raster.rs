@@ -163,7 +163,7 @@ fn array<'py, E: Element>(
     layer.map(|layer| Ok(PyArray1::from_vec(py, layer).reshape(shape)?.into_any())).transpose()
 }
 
-fn grid(object: &Bound<'_, PyAny>) -> PyResult<BevGrid> {
+pub(super) fn grid(object: &Bound<'_, PyAny>) -> PyResult<BevGrid> {
     match object.cast::<PyBevGrid>() {
         Ok(grid) => Ok(grid.get().grid),
         Err(_) => {

@@ -3,7 +3,7 @@
 //! Within a band the points keep their order, so every cell sees its points in the order in which they came, whatever the
 //! threads: the same sums, to the last bit, as block after block on one thread.
 
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 
 use super::Census;
 use super::kernels::Finder;
@@ -12,6 +12,7 @@ use super::number::Real;
 use super::points::{BLOCK, Block, Source};
 use super::records::Record;
 use crate::cpu::Isa;
+use crate::error::Result;
 use crate::parallel;
 
 /// Points that one job sorts: with what is made of them they fit the second cache.
@@ -24,7 +25,7 @@ const BATCH_BYTES: usize = 1 << 26;
 const BATCH_CHUNKS: usize = 512;
 
 /// Most bands: many for each thread, so that they even out where the points crowd in a few rows.
-const MAX_BANDS: usize = 64;
+const MAX_BANDS: usize = 32;
 
 /// Points with a cell: their cells, their values channel by channel, their heights if they are wanted.
 struct Columns<T> {
@@ -91,19 +92,20 @@ impl<T: Real> Chunk<T> {
             next[band + 1] += next[band];
         }
         self.starts = next;
-        places.clear();
-        places.extend(read.keys.iter().map(|&key| {
+        let (mask, count) = ((1u32 << shift) - 1, read.keys.len());
+        self.sorted.keys.resize(count, 0);
+        places.resize(count, 0);
+        for (&key, place) in read.keys.iter().zip(places.iter_mut()) {
             let next = &mut next[(key >> shift) as usize];
+            *place = *next;
+            self.sorted.keys[*next as usize] = key & mask;
             *next += 1;
-            *next - 1
-        }));
-        let mask = (1u32 << shift) - 1;
-        spread(places, &read.keys, &mut self.sorted.keys, 0, |key| key & mask);
+        }
         for (from, to) in read.values.iter().zip(&mut self.sorted.values) {
-            spread(places, from, to, T::NAN, |value| value);
+            spread(places, from, to, T::NAN);
         }
         if !read.heights.is_empty() {
-            spread(places, &read.heights, &mut self.sorted.heights, 0.0, |height| height);
+            spread(places, &read.heights, &mut self.sorted.heights, 0.0);
         }
     }
 
@@ -117,10 +119,31 @@ impl<T: Real> Chunk<T> {
 }
 
 /// Puts each item into its place.
-fn spread<E: Copy>(places: &[u32], from: &[E], to: &mut Vec<E>, blank: E, change: impl Fn(E) -> E) {
+fn spread<E: Copy>(places: &[u32], from: &[E], to: &mut Vec<E>, blank: E) {
     to.resize(from.len(), blank);
     for (&place, &item) in places.iter().zip(from) {
-        to[place as usize] = change(item);
+        to[place as usize] = item;
+    }
+}
+
+/// What threads have done with and others may take up.
+struct Shelf<E>(Mutex<Vec<E>>);
+
+impl<E> Shelf<E> {
+    fn new() -> Self {
+        Self(Mutex::default())
+    }
+
+    fn items(&self) -> MutexGuard<'_, Vec<E>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn take(&self) -> Option<E> {
+        self.items().pop()
+    }
+
+    fn put(&self, item: E) {
+        self.items().push(item);
     }
 }
 
@@ -132,7 +155,7 @@ pub(super) fn run<T: Real, R: Record<T>>(
     mut cells: Cells<'_, T, R>,
     wants_heights: bool,
     threads: usize,
-) -> Census {
+) -> Result<Census> {
     let (count, channels) = (source.points.rows(), source.channels());
     let shift = cells.len().div_ceil(MAX_BANDS).next_power_of_two().ilog2();
     let bands = cells.len().div_ceil(1 << shift);
@@ -142,33 +165,39 @@ pub(super) fn run<T: Real, R: Record<T>>(
     let chunks = (BATCH_BYTES / (CHUNK * point)).clamp(1, BATCH_CHUNKS).min(count.div_ceil(CHUNK));
     let mut chunks: Vec<Chunk<T>> = (0..chunks).map(|_| Chunk::new(channels)).collect();
     let batch = chunks.len() * CHUNK;
-    let desks: Mutex<Vec<Desk<T>>> = Mutex::default();
-    let desks = || desks.lock().unwrap_or_else(PoisonError::into_inner);
+    let (desks, works, failure) = (Shelf::new(), Shelf::new(), OnceLock::new());
     for first in (0..count).step_by(batch) {
         let end = count.min(first + batch);
         let used = (end - first).div_ceil(CHUNK);
         parallel::for_each(threads, chunks[..used].iter_mut().enumerate(), |(i, chunk)| {
-            let desk = desks().pop();
-            let mut desk = desk.unwrap_or_else(|| Desk {
+            let mut desk = desks.take().unwrap_or_else(|| Desk {
                 block: Block::new(channels, wants_heights),
                 read: Columns::new(channels),
                 places: Vec::new(),
             });
             let first = first + i * CHUNK;
             chunk.fill(&mut desk, source, finder, isa, (first, end.min(first + CHUNK)), shift);
-            desks().push(desk);
+            desks.put(desk);
         });
         parallel::for_each(threads, bands.iter_mut().enumerate(), |(i, band)| {
-            if first == 0 {
-                band.begin();
+            if first == 0
+                && let Err(error) = band.begin(works.take().unwrap_or_default())
+            {
+                let _ = failure.set(error); // the first is as good as any
+            }
+            if failure.get().is_some() {
+                return;
             }
             for chunk in &chunks[..used] {
                 chunk.add_to(i, band);
             }
             if end == count {
-                band.finish(isa);
+                works.put(band.finish(isa));
             }
         });
     }
-    chunks.iter().fold(Census::default(), |sum, chunk| sum + chunk.census)
+    match failure.into_inner() {
+        Some(error) => Err(error),
+        None => Ok(chunks.iter().fold(Census::default(), |sum, chunk| sum + chunk.census)),
+    }
 }

@@ -2,7 +2,8 @@
 //! instruction set (decision 0005). All operations are float64 and correctly rounded, nothing is fused, so all
 //! instruction sets give the same cells.
 
-use crate::cpu::Isa;
+use super::number::Real;
+use crate::cpu::{Body, Isa, run};
 use crate::grid::BevGrid;
 
 /// Key of a point that has no cell.
@@ -34,25 +35,7 @@ impl Finder {
     ///
     /// The key of row r and column c is `r * columns + c`, plus `s * rows * columns` in slice s.
     pub(super) fn keys(&self, isa: Isa, points: [&[f64]; 3], keys: &mut [u32]) -> (usize, usize) {
-        #[cfg(target_arch = "x86_64")]
-        #[target_feature(enable = "avx2")]
-        fn avx2(finder: &Finder, points: [&[f64]; 3], keys: &mut [u32]) -> (usize, usize) {
-            finder.body(points, keys)
-        }
-        #[cfg(target_arch = "x86_64")]
-        #[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512vbmi,avx512vnni")]
-        fn avx512(finder: &Finder, points: [&[f64]; 3], keys: &mut [u32]) -> (usize, usize) {
-            finder.body(points, keys)
-        }
-        match isa {
-            #[cfg(target_arch = "x86_64")]
-            // SAFETY: an `Isa` other than scalar is only made where `Isa::is_supported` found what it needs.
-            Isa::Avx2 => unsafe { avx2(self, points, keys) },
-            #[cfg(target_arch = "x86_64")]
-            // SAFETY: as above.
-            Isa::Avx512 => unsafe { avx512(self, points, keys) },
-            _ => self.body(points, keys),
-        }
+        run(isa, Keys { finder: self, points, keys })
     }
 
     #[inline(always)]
@@ -102,6 +85,56 @@ impl Finder {
         }
         found
     }
+}
+
+/// [`Finder::keys`] as a loop.
+struct Keys<'a> {
+    finder: &'a Finder,
+    points: [&'a [f64]; 3],
+    keys: &'a mut [u32],
+}
+
+impl Body for Keys<'_> {
+    type Output = (usize, usize);
+
+    #[inline(always)]
+    fn run(self) -> Self::Output {
+        self.finder.body(self.points, self.keys)
+    }
+}
+
+/// Coordinates out of rows that begin with x, y and z.
+pub(super) struct Unpack<'a, P, const K: usize> {
+    pub(super) rows: &'a [[P; K]],
+    pub(super) xyz: [&'a mut [f64]; 3],
+}
+
+impl<P: Real, const K: usize> Body for Unpack<'_, P, K> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let [x, y, z] = self.xyz;
+        let count = self.rows.len();
+        let (x, y, z) = (&mut x[..count], &mut y[..count], &mut z[..count]);
+        for i in 0..count {
+            let row = self.rows[i];
+            (x[i], y[i], z[i]) = (row[0].to_f64(), row[1].to_f64(), row[2].to_f64());
+        }
+    }
+}
+
+/// Asks for the memory of an item that will be needed soon; where there is no such item, nothing happens.
+#[inline(always)]
+pub(super) fn prefetch<E>(items: &[E], index: usize) {
+    #[cfg(target_arch = "x86_64")]
+    if let Some(item) = items.get(index) {
+        use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+        // SAFETY: SSE is part of x86-64; the address is that of an item, and a hint reads nothing.
+        unsafe { _mm_prefetch::<_MM_HINT_T0>(std::ptr::from_ref(item).cast()) };
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    let _ = (items, index);
 }
 
 /// The largest whole number that is not above, of numbers in 0..2^51; others give anything.

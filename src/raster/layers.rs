@@ -1,11 +1,12 @@
 //! Layers: what the cells have collected, as arrays.
 
+use super::kernels::prefetch;
 use super::number::Real;
 use super::records::Record;
 use super::zeroed::zeroed;
 use super::{Census, RasterOptions, Reduce};
-use crate::cpu::Isa;
-use crate::error::Result;
+use crate::cpu::{Body, Isa, run};
+use crate::error::{Error, Result};
 
 /// The layers of points, row 0 the farthest, column 0 the leftmost; those that were not asked for are `None`.
 ///
@@ -71,6 +72,29 @@ impl<T: Real> Raster<T> {
     }
 }
 
+/// Memory in which cells collect their points.
+pub(super) struct Work<R> {
+    /// A record for each channel of each cell.
+    records: Vec<R>,
+    /// The greatest heights, if they are needed; NaN where there is none.
+    heights: Vec<f64>,
+}
+
+impl<R> Default for Work<R> {
+    fn default() -> Self {
+        Self { records: Vec::new(), heights: Vec::new() }
+    }
+}
+
+/// So many equal items.
+fn refill<E: Copy>(items: &mut Vec<E>, count: usize, item: E) -> Result<()> {
+    items.clear();
+    let refuse = |_| Error::OutOfMemory { what: "rasterize", bytes: count.saturating_mul(size_of::<E>()) };
+    items.try_reserve_exact(count).map_err(refuse)?;
+    items.resize(count, item);
+    Ok(())
+}
+
 /// Some cells, one after the other: what they collect, and the layers it goes to.
 pub(super) struct Cells<'a, T, R> {
     count: Option<&'a mut [i32]>,
@@ -80,10 +104,7 @@ pub(super) struct Cells<'a, T, R> {
     mean: Option<&'a mut [T]>,
     last: Option<&'a mut [T]>,
     top: Option<&'a mut [T]>,
-    /// A record for each channel of each cell.
-    records: &'a mut [R],
-    /// The greatest heights, if they are needed; NaN where there is none.
-    heights: &'a mut [f64],
+    work: Work<R>,
     cells: usize,
     channels: usize,
     /// 1 over the logarithm of the full count.
@@ -91,13 +112,8 @@ pub(super) struct Cells<'a, T, R> {
 }
 
 impl<'a, T: Real, R: Record<T>> Cells<'a, T, R> {
-    /// All cells of a raster, with their records (one for each channel) and heights (or none).
-    pub(super) fn new(
-        raster: &'a mut Raster<T>,
-        records: &'a mut [R],
-        heights: &'a mut [f64],
-        density_full: f64,
-    ) -> Self {
+    /// All cells of a raster.
+    pub(super) fn new(raster: &'a mut Raster<T>, density_full: f64) -> Self {
         Self {
             count: raster.count.as_deref_mut(),
             density: raster.density.as_deref_mut(),
@@ -106,8 +122,7 @@ impl<'a, T: Real, R: Record<T>> Cells<'a, T, R> {
             mean: raster.mean.as_deref_mut(),
             last: raster.last.as_deref_mut(),
             top: raster.top.as_deref_mut(),
-            records,
-            heights,
+            work: Work::default(),
             cells: raster.shape.0 * raster.shape.1 * raster.shape.2,
             channels: raster.channels,
             density_scale: 1.0 / density_full.ln(),
@@ -142,39 +157,47 @@ impl<'a, T: Real, R: Record<T>> Cells<'a, T, R> {
             mean: part(&mut self.mean, samples),
             last: part(&mut self.last, samples),
             top: part(&mut self.top, samples),
-            records: take(&mut self.records, samples),
-            heights: take(&mut self.heights, cells),
-            ..*self
+            work: Work::default(),
+            channels: self.channels,
+            density_scale: self.density_scale,
         }
     }
 
-    /// Makes ready for points. Memory is touched here for the first time, by the thread that will use it.
-    pub(super) fn begin(&mut self) {
-        self.records.fill(R::EMPTY);
-        self.heights.fill(f64::NAN);
+    /// Makes ready for points, in memory that others have done with. Here it is touched for the first time, by the thread
+    /// that will use it.
+    pub(super) fn begin(&mut self, work: Work<R>) -> Result<()> {
+        self.work = work;
+        refill(&mut self.work.records, self.cells.saturating_mul(self.channels), R::EMPTY)?;
         if let Some(top) = &mut self.top {
             top.fill(T::NAN);
+            refill(&mut self.work.heights, self.cells, f64::NAN)?;
         }
+        Ok(())
     }
 
     /// Adds points in their order: their cells, their values channel by channel, their heights where they are needed.
     #[inline]
     pub(super) fn add<'v>(&mut self, keys: &[u32], values: impl Iterator<Item = &'v [T]> + Clone, heights: &[f64]) {
         let channels = self.channels;
+        let Work { records, heights: greatest } = &mut self.work;
         for (channel, values) in values.clone().enumerate() {
             if channels == 1 {
-                for (&key, &value) in keys.iter().zip(values) {
-                    self.records[key as usize].add(value);
+                const AHEAD: usize = 24;
+                for (i, (&key, &value)) in keys.iter().zip(values).enumerate() {
+                    if let Some(&next) = keys.get(i + AHEAD) {
+                        prefetch(records, next as usize);
+                    }
+                    records[key as usize].add(value);
                 }
             } else {
                 for (&key, &value) in keys.iter().zip(values) {
-                    self.records[key as usize * channels + channel].add(value);
+                    records[key as usize * channels + channel].add(value);
                 }
             }
         }
         let Some(top) = &mut self.top else { return };
         for (i, (&key, &height)) in keys.iter().zip(heights).enumerate() {
-            let held = &mut self.heights[key as usize];
+            let held = &mut greatest[key as usize];
             if *held >= height {
                 continue; // which NaN is not
             }
@@ -185,32 +208,15 @@ impl<'a, T: Real, R: Record<T>> Cells<'a, T, R> {
         }
     }
 
-    /// Writes the layers of what was collected.
-    pub(super) fn finish(&mut self, isa: Isa) {
-        #[cfg(target_arch = "x86_64")]
-        #[target_feature(enable = "avx2")]
-        fn avx2<T: Real, R: Record<T>>(cells: &mut Cells<'_, T, R>) {
-            cells.write();
-        }
-        #[cfg(target_arch = "x86_64")]
-        #[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512vbmi,avx512vnni")]
-        fn avx512<T: Real, R: Record<T>>(cells: &mut Cells<'_, T, R>) {
-            cells.write();
-        }
-        match isa {
-            #[cfg(target_arch = "x86_64")]
-            // SAFETY: an `Isa` other than scalar is only made where `Isa::is_supported` found what it needs.
-            Isa::Avx2 => unsafe { avx2(self) },
-            #[cfg(target_arch = "x86_64")]
-            // SAFETY: as above.
-            Isa::Avx512 => unsafe { avx512(self) },
-            _ => self.write(),
-        }
+    /// Writes the layers of what was collected, and returns the memory in which it was.
+    pub(super) fn finish(&mut self, isa: Isa) -> Work<R> {
+        run(isa, Finish(self));
+        std::mem::take(&mut self.work)
     }
 
     #[inline(always)]
     fn write(&mut self) {
-        let (records, channels) = (&*self.records, self.channels);
+        let (records, channels) = (&*self.work.records, self.channels);
         // channel 0 counts for all of them
         let counts = || records.iter().step_by(channels).map(Record::count);
         match &mut self.count {
@@ -234,6 +240,17 @@ impl<'a, T: Real, R: Record<T>> Cells<'a, T, R> {
             let mean = T::from_f64(record.sum() / f64::from(record.count()));
             if record.count() > 0 { mean } else { T::NAN }
         });
+    }
+}
+
+struct Finish<'a, 'b, T, R>(&'a mut Cells<'b, T, R>);
+
+impl<T: Real, R: Record<T>> Body for Finish<'_, '_, T, R> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        self.0.write();
     }
 }
 

@@ -25,12 +25,14 @@ mod layers;
 mod number;
 mod points;
 mod records;
+mod shapes;
 mod strided;
 mod zeroed;
 
 pub use layers::Raster;
 pub use number::{Cast, Real};
 pub use points::{Coordinates, Values};
+pub use shapes::{box_corners, check_polygon, draw_polygon};
 pub use strided::Strided;
 
 use crate::cpu::Isa;
@@ -39,10 +41,9 @@ use crate::grid::{BevGrid, MAX_CELLS};
 use crate::parallel;
 
 use kernels::Finder;
-use layers::Cells;
+use layers::{Cells, Work};
 use points::{BLOCK, Block, Source};
 use records::{Count, Full, Peak, Record};
-use zeroed::zeroed;
 
 /// Most points of one call: their number in a cell is an `i32`.
 pub const MAX_POINTS: usize = i32::MAX as usize;
@@ -185,17 +186,15 @@ fn collect<T: Real, R: Record<T>>(
     let finder = Finder::new(grid, options.slices);
     let wants_heights = options.reduce.contains(&Reduce::Top);
     let mut raster = Raster::new(options, (slices, grid.rows(), grid.columns()), source.channels())?;
-    let mut records = zeroed::<R>("rasterize", cells.saturating_mul(source.channels()))?;
-    let mut heights = zeroed("rasterize", if wants_heights { cells } else { 0 })?;
-    let cells = Cells::new(&mut raster, &mut records, &mut heights, options.density_full);
+    let cells = Cells::<T, R>::new(&mut raster, options.density_full);
     // below that, to ask another thread for help takes longer than to do it
     const POINTS_PER_THREAD: usize = 16 * BLOCK;
     let count = source.points.rows();
     let threads = threads.min(count / POINTS_PER_THREAD).max(1);
     let census = if threads == 1 {
-        whole(source, &finder, isa, cells, wants_heights)
+        whole(source, &finder, isa, cells, wants_heights)?
     } else {
-        bands::run(source, &finder, isa, cells, wants_heights, threads)
+        bands::run(source, &finder, isa, cells, wants_heights, threads)?
     };
     raster.note(census, count);
     Ok(raster)
@@ -229,15 +228,15 @@ fn whole<T: Real, R: Record<T>>(
     isa: Isa,
     mut cells: Cells<'_, T, R>,
     wants_heights: bool,
-) -> Census {
+) -> Result<Census> {
     let mut census = Census::default();
     let mut block = Block::new(source.channels(), wants_heights);
-    cells.begin();
+    cells.begin(Work::default())?;
     let count = source.points.rows();
     for first in (0..count).step_by(BLOCK) {
         census += block.read(source, finder, isa, first, BLOCK.min(count - first));
         cells.add(&block.keys, block.values.iter().map(Vec::as_slice), &block.heights);
     }
     cells.finish(isa);
-    census
+    Ok(census)
 }

@@ -1,10 +1,10 @@
 //! From points to blocks: which cell each point falls into, and the values of those that have one.
 
-use super::kernels::{Finder, NOWHERE};
+use super::kernels::{Finder, NOWHERE, Unpack};
 use super::number::{Cast, Real};
 use super::strided::Strided;
 use super::{Census, MAX_POINTS, RasterOptions, Reduce};
-use crate::cpu::Isa;
+use crate::cpu::{Isa, run};
 use crate::error::{Error, Result};
 
 /// Points that are looked at together: what is known of them stays in the first cache.
@@ -17,7 +17,7 @@ pub trait Coordinates: Sync {
     /// Numbers of a point.
     fn columns(&self) -> usize;
     /// Reads x, y and z (0 where there is none) of the points from `first` on, as many as the slices hold.
-    fn load(&self, first: usize, xyz: [&mut [f64]; 3]);
+    fn load(&self, isa: Isa, first: usize, xyz: [&mut [f64]; 3]);
 }
 
 /// What points carry: a row of values for each.
@@ -39,31 +39,26 @@ impl<P: Real> Coordinates for Strided<'_, P> {
         Strided::columns(self)
     }
 
-    fn load(&self, first: usize, [x, y, z]: [&mut [f64]; 3]) {
+    fn load(&self, isa: Isa, first: usize, [x, y, z]: [&mut [f64]; 3]) {
         let count = x.len();
+        self.prefetch(first + count, count);
         if self.columns() < 3 {
             z.fill(0.0);
             for i in 0..count {
                 (x[i], y[i]) = (self.get(first + i, 0).to_f64(), self.get(first + i, 1).to_f64());
             }
         } else if let Some(rows) = self.packed::<4>(first, count) {
-            unpack(rows, x, y, z);
+            run(isa, Unpack { rows, xyz: [x, y, z] });
         } else if let Some(rows) = self.packed::<3>(first, count) {
-            unpack(rows, x, y, z);
+            run(isa, Unpack { rows, xyz: [x, y, z] });
         } else if let Some(rows) = self.packed::<5>(first, count) {
-            unpack(rows, x, y, z);
+            run(isa, Unpack { rows, xyz: [x, y, z] });
         } else {
             for i in 0..count {
                 let [a, b, c] = [0, 1, 2].map(|column| self.get(first + i, column).to_f64());
                 (x[i], y[i], z[i]) = (a, b, c);
             }
         }
-    }
-}
-
-fn unpack<P: Real, const K: usize>(rows: &[[P; K]], x: &mut [f64], y: &mut [f64], z: &mut [f64]) {
-    for (((row, x), y), z) in rows.iter().zip(x).zip(y).zip(z) {
-        (*x, *y, *z) = (row[0].to_f64(), row[1].to_f64(), row[2].to_f64());
     }
 }
 
@@ -162,7 +157,7 @@ impl<T: Real> Block<T> {
     ) -> Census {
         let [x, y, z] = &mut self.coordinates;
         let (x, y, z) = (&mut x[..count], &mut y[..count], &mut z[..count]);
-        source.points.load(first, [x, y, z]);
+        source.points.load(isa, first, [x, y, z]);
         let all = &mut self.all_keys[..count];
         let (mut inside, mut ignored) = finder.keys(isa, [x, y, z], all);
         self.keys.clear();

@@ -3,10 +3,10 @@
 //! The values of a cell come in the order of its points. Nothing branches: whether a cell is empty is only known when its
 //! record has arrived, and a wrong guess would cost as much as the wait.
 
-use super::number::{Plain, Real};
+use super::number::Real;
 
 /// What a cell, or one channel of it, has collected.
-pub(super) trait Record<T>: Plain {
+pub(super) trait Record<T>: Copy + Send + Sync + 'static {
     /// What an empty cell has collected.
     const EMPTY: Self;
     /// Takes a value in.
@@ -44,10 +44,6 @@ pub(super) struct Full<T> {
     last: T,
     count: i32,
 }
-
-impl Plain for Count {}
-impl<T: Plain> Plain for Peak<T> {}
-impl<T: Plain> Plain for Full<T> {}
 
 impl<T: Real> Record<T> for Count {
     const EMPTY: Self = Self(0);

@@ -1,0 +1,153 @@
+//! `rasterize_boxes` and `rasterize_polygons`.
+
+use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadwriteArray2, PyUntypedArray, PyUntypedArrayMethods};
+use pyo3::prelude::*;
+use pyo3::types::PyInt;
+
+use super::convert::{Floats, tuple_text, type_name};
+use super::error::classes::{ArgumentError, ArgumentTypeError, DtypeError};
+use super::raster::grid;
+use crate::BevGrid;
+use crate::error::Error;
+use crate::raster::{box_corners, check_polygon, draw_polygon};
+
+/// Boxes onto a grid, as labels.
+#[pyfunction]
+#[pyo3(signature = (boxes, grid, labels = None, *, background = None, out = None), text_signature = "(boxes, grid, labels=None, *, background=0, out=None)")]
+pub(super) fn rasterize_boxes<'py>(
+    boxes: &Bound<'py, PyAny>,
+    grid: &Bound<'py, PyAny>,
+    labels: Option<&Bound<'py, PyAny>>,
+    background: Option<&Bound<'py, PyAny>>,
+    out: Option<&Bound<'py, PyAny>>,
+) -> PyResult<Bound<'py, PyArray2<i32>>> {
+    let grid = self::grid(grid)?;
+    let floats = Floats::new("boxes", "an (N, 5) array (x, y, length, width, yaw)", boxes)?;
+    let rows: &[[f64; 5]] = if floats.shape() == [0] { &[] } else { floats.rows::<5>("boxes")? };
+    let mut polygons = Vec::with_capacity(rows.len());
+    for (index, &numbers) in rows.iter().enumerate() {
+        polygons.push(box_corners(numbers, index)?.to_vec());
+    }
+    draw(boxes.py(), &polygons, grid, labels, background, out)
+}
+
+/// Polygons onto a grid, as labels.
+#[pyfunction]
+#[pyo3(signature = (polygons, grid, labels = None, *, background = None, out = None), text_signature = "(polygons, grid, labels=None, *, background=0, out=None)")]
+pub(super) fn rasterize_polygons<'py>(
+    polygons: &Bound<'py, PyAny>,
+    grid: &Bound<'py, PyAny>,
+    labels: Option<&Bound<'py, PyAny>>,
+    background: Option<&Bound<'py, PyAny>>,
+    out: Option<&Bound<'py, PyAny>>,
+) -> PyResult<Bound<'py, PyArray2<i32>>> {
+    let grid = self::grid(grid)?;
+    let refuse = || {
+        let got = type_name(polygons);
+        ArgumentTypeError::new_err(format!("polygons: expected a list of (M, 2) arrays, one for each, got {got}"))
+    };
+    let mut corners = Vec::new();
+    for (index, polygon) in polygons.try_iter().map_err(|_| refuse())?.enumerate() {
+        let name = format!("polygons[{index}]");
+        let floats = Floats::new(&name, "an (M, 2) array", &polygon?)?;
+        let polygon = floats.rows::<2>(&name)?.to_vec();
+        check_polygon(&polygon, index)?;
+        corners.push(polygon);
+    }
+    draw(polygons.py(), &corners, grid, labels, background, out)
+}
+
+/// Draws polygons, all of them checked, in their order.
+fn draw<'py>(
+    py: Python<'py>,
+    polygons: &[Vec<[f64; 2]>],
+    grid: BevGrid,
+    labels: Option<&Bound<'py, PyAny>>,
+    background: Option<&Bound<'py, PyAny>>,
+    out: Option<&Bound<'py, PyAny>>,
+) -> PyResult<Bound<'py, PyArray2<i32>>> {
+    let labels = match labels {
+        Some(object) => labels_of(object, polygons.len())?,
+        None => (1..=polygons.len()).map(|index| i32::try_from(index).unwrap_or(i32::MAX)).collect(),
+    };
+    let shape = [grid.rows(), grid.columns()];
+    let work = |cells: &mut [i32]| {
+        for (index, (polygon, &label)) in polygons.iter().zip(&labels).enumerate() {
+            draw_polygon(polygon, label, &grid, index, cells)?;
+        }
+        Ok::<(), Error>(())
+    };
+    if let Some(object) = out {
+        if background.is_some() {
+            return Err(ArgumentError::new_err(
+                "background: expected none where out= is drawn on, got one; fill out with it first",
+            ));
+        }
+        let out = output(object, shape)?;
+        let mut borrow: PyReadwriteArray2<'_, i32> = out.try_readwrite().map_err(|error| {
+            ArgumentError::new_err(format!("out: expected a writable array that nobody else uses, got: {error}"))
+        })?;
+        let cells = borrow.as_slice_mut()?;
+        py.detach(|| work(cells))?;
+        drop(borrow);
+        return Ok(out);
+    }
+    let background = background.map_or(Ok(0), |object| label("background", object))?;
+    let cells = shape[0] * shape[1];
+    let mut drawn = Vec::new();
+    let refuse = |_| Error::OutOfMemory { what: "rasterize", bytes: cells.saturating_mul(size_of::<i32>()) };
+    drawn.try_reserve_exact(cells).map_err(refuse)?;
+    drawn.resize(cells, background);
+    py.detach(|| work(&mut drawn))?;
+    PyArray1::from_vec(py, drawn).reshape(shape)
+}
+
+/// An array that can be drawn on.
+fn output<'py>(object: &Bound<'py, PyAny>, shape: [usize; 2]) -> PyResult<Bound<'py, PyArray2<i32>>> {
+    let Ok(array) = object.cast::<PyUntypedArray>() else {
+        return Err(ArgumentTypeError::new_err(format!("out: expected a NumPy array, got {}", type_name(object))));
+    };
+    if array.shape() != shape {
+        let (expected, got) = (tuple_text(&shape), tuple_text(array.shape()));
+        return Err(ArgumentError::new_err(format!("out: expected shape {expected}, that of the grid, got {got}")));
+    }
+    let Ok(out) = object.cast::<PyArray2<i32>>() else {
+        return Err(DtypeError::new_err(format!("out: expected dtype int32, got {}", array.dtype())));
+    };
+    if !out.is_c_contiguous() {
+        return Err(ArgumentError::new_err(
+            "out: expected rows without gaps, got others; use numpy.empty(grid.shape, numpy.int32)",
+        ));
+    }
+    Ok(out.clone())
+}
+
+/// A label for each shape.
+fn labels_of(object: &Bound<'_, PyAny>, count: usize) -> PyResult<Vec<i32>> {
+    let refuse = || {
+        let got = type_name(object);
+        ArgumentTypeError::new_err(format!("labels: expected whole numbers, one for each, got {got}"))
+    };
+    let items: Vec<_> = object.try_iter().map_err(|_| refuse())?.collect::<PyResult<_>>()?;
+    if items.len() != count {
+        let got = items.len();
+        return Err(ArgumentError::new_err(format!("labels: expected one for each of the {count}, got {got}")));
+    }
+    items.iter().map(|item| label("labels", item)).collect()
+}
+
+/// A whole number that an int32 holds.
+fn label(name: &str, object: &Bound<'_, PyAny>) -> PyResult<i32> {
+    match object.extract::<i64>() {
+        Ok(number) => i32::try_from(number).map_err(|_| {
+            ArgumentError::new_err(format!("{name}: expected whole numbers from -2^31 to 2^31 - 1, got {number}"))
+        }),
+        Err(_) if object.is_instance_of::<PyInt>() => {
+            Err(ArgumentError::new_err(format!("{name}: expected whole numbers from -2^31 to 2^31 - 1, got {object}")))
+        }
+        Err(_) => {
+            let got = type_name(object);
+            Err(ArgumentTypeError::new_err(format!("{name}: expected whole numbers, got {got}")))
+        }
+    }
+}
