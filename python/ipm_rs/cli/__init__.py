@@ -1,4 +1,4 @@
-"""The command line ``ipm-rs``: warp images, see a demo, ask what is installed.
+"""The command line ``ipm-rs``: warp images, make point clouds of depth, see a demo, ask what is installed.
 
 Exit status: 0 when all went well, 2 after a mistake of the user or a damaged file (one line on stderr says what was
 expected, what came and how to mend it), 130 after Ctrl-C. Nothing is written before every argument, every image header
@@ -15,7 +15,7 @@ import sys
 from collections.abc import Sequence
 
 import ipm_rs
-from ipm_rs.cli import demo, info, warp
+from ipm_rs.cli import cloud, demo, info, warp
 from ipm_rs.cli.arguments import Parser
 from ipm_rs.cli.printing import discard, emit
 from ipm_rs.errors import IpmError
@@ -68,11 +68,12 @@ def _parser() -> argparse.ArgumentParser:
         examples="""\
   ipm-rs demo                                      # a synthetic road, nothing needed
   ipm-rs warp camera.json frame.png -o bev.png     # your own image
+  ipm-rs cloud camera.json depth.png -o cloud.ply  # a point cloud of a depth image
   ipm-rs info                                      # what is installed""",
     )
     parser.add_argument("--version", action="version", version=f"ipm-rs {ipm_rs.__version__}")
     parser.set_defaults(run=lambda _: emit(parser.format_help(), end=""))
     commands = parser.add_subparsers(metavar="COMMAND", parser_class=Parser)
-    for command in (demo, warp, info):
+    for command in (demo, warp, cloud, info):
         command.add(commands)
     return parser

@@ -59,8 +59,8 @@ def count(text: str) -> int:
     return number
 
 
-def add_grid(command: Parser, sampling: str) -> argparse._ArgumentGroup:
-    """Add the arguments that make a `BevGrid`, and return their group; `sampling` says what --sample-at does."""
+def add_grid(command: Parser, sampling: str | None = None) -> argparse._ArgumentGroup:
+    """Add the arguments that make a `BevGrid`, and return their group; `sampling` says what --sample-at does, if it is there."""
     grid = command.add_argument_group("grid")
     grid.add_argument(
         "--x", metavar=("MIN", "MAX"), nargs=2, type=real, default=[7.0, 50.0], help="metres forward (default: 7 50)"
@@ -76,9 +76,10 @@ def add_grid(command: Parser, sampling: str) -> argparse._ArgumentGroup:
         default=[0.05],
         help="cell size in metres, one number for both axes or two (default: 0.05)",
     )
-    grid.add_argument(
-        "--sample-at", choices=("center", "corner"), default="center", help=f"{sampling} (default: center)"
-    )
+    if sampling is not None:
+        grid.add_argument(
+            "--sample-at", choices=("center", "corner"), default="center", help=f"{sampling} (default: center)"
+        )
     return grid
 
 

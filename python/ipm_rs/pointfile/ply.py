@@ -1,0 +1,118 @@
+"""PLY (the polygon file format of Stanford): the scalars of its vertices.
+
+Read by our own lines: of the libraries, plyfile is under the GPL and trimesh hides what points carry.
+Format: http://paulbourke.net/dataformats/ply/.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ipm_rs.errors import FileError
+
+TYPES = {
+    **{"char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4"},
+    **{"float": "f4", "double": "f8"},
+    **{"int8": "i1", "uint8": "u1", "int16": "i2", "uint16": "u2", "int32": "i4", "uint32": "u4"},
+    **{"float32": "f4", "float64": "f8"},
+}
+NAMES = {"i1": "char", "u1": "uchar", "i2": "short", "u2": "ushort", "i4": "int", "u4": "uint", "f4": "float"}
+NAMES["f8"] = "double"
+ORDERS = {"binary_little_endian": "<", "binary_big_endian": ">", "ascii": ""}
+
+_HEADER_BYTES = 1 << 16
+
+
+@dataclass
+class _Element:
+    name: str
+    count: int
+    properties: list[tuple[str, str]] = field(default_factory=list)
+    has_list: bool = False
+
+
+def read(path: Path) -> dict[str, NDArray[Any]]:
+    """Read the scalars of the vertices."""
+    with path.open("rb") as file:
+        order, elements = _header(path, file)
+        size = path.stat().st_size - file.tell()
+        for element in elements:
+            if element.has_list:
+                raise FileError(f"{path}: expected vertices before {element.name}, whose length nobody knows")
+            dtype = np.dtype([(name, order + kind) for name, kind in element.properties])
+            # a number and a space are the least that a value takes as text
+            least = element.count * (dtype.itemsize if order else 2 * len(element.properties))
+            if least > size + 1:
+                raise FileError(
+                    f"{path}: expected {element.count} of {element.name} as its header says, got {size} bytes; it is "
+                    "cut short or damaged"
+                )
+            if element.name == "vertex":
+                return _values(path, file, element, dtype, order)
+            if order:
+                file.seek(element.count * dtype.itemsize, 1)
+            else:
+                for _ in range(element.count):
+                    file.readline()
+            size = path.stat().st_size - file.tell()
+    raise FileError(f"{path}: expected vertices, got {', '.join(element.name for element in elements) or 'nothing'}")
+
+
+def _header(path: Path, file: BinaryIO) -> tuple[str, list[_Element]]:
+    lines: list[list[str]] = []
+    while not lines or lines[-1] != ["end_header"]:
+        line = file.readline(_HEADER_BYTES)
+        if not line or file.tell() > _HEADER_BYTES or (not lines and line.strip() != b"ply"):
+            raise FileError(f"{path}: expected a PLY file with a header, got none; is it one?")
+        lines.append(line.decode("latin-1").split() or ["comment"])
+    order, elements = None, list[_Element]()
+    for words in lines[1:-1]:
+        match words:
+            case ["format", name, _] if name in ORDERS:
+                order = ORDERS[name]
+            case ["element", name, count] if count.isdecimal():
+                elements.append(_Element(name, int(count)))
+            case ["property", "list", _, _, _] if elements:
+                elements[-1].has_list = True
+            case ["property", kind, name] if elements and kind in TYPES:
+                elements[-1].properties.append((name, TYPES[kind]))
+            case ["comment" | "obj_info", *_]:
+                pass
+            case _:
+                raise FileError(f"{path}: expected a line of a PLY header, got {' '.join(words)[:80]!r}")
+    if order is None:
+        raise FileError(f"{path}: expected a line with the format (ascii or binary) in its header, got none")
+    return order, elements
+
+
+def _values(path: Path, file: BinaryIO, element: _Element, dtype: np.dtype[Any], order: str) -> dict[str, NDArray[Any]]:
+    if order:
+        data = file.read(element.count * dtype.itemsize)
+        records = np.frombuffer(data, dtype=dtype, count=element.count)
+        return {name: records[name].astype(kind) for name, kind in element.properties}
+    rows = [file.readline().split() for _ in range(element.count)]
+    if any(len(row) != len(element.properties) for row in rows):
+        raise FileError(f"{path}: expected {len(element.properties)} numbers for each vertex, got other lines")
+    columns = zip(*rows, strict=True) if rows else ([] for _ in element.properties)
+    return {
+        name: np.array([float(word) for word in column]).astype(kind)
+        for (name, kind), column in zip(element.properties, columns, strict=True)
+    }
+
+
+def write(file: BinaryIO, table: dict[str, NDArray[Any]]) -> None:
+    """Write a binary file, little-endian."""
+    kinds = {name: column.dtype.str[1:] for name, column in table.items()}
+    properties = "".join(f"property {NAMES[kind]} {name}\n" for name, kind in kinds.items())
+    count = len(table["x"])
+    header = f"ply\nformat binary_little_endian 1.0\nelement vertex {count}\n{properties}end_header\n"
+    records = np.empty(count, dtype=[(name, "<" + kind) for name, kind in kinds.items()])
+    for name, column in table.items():
+        records[name] = column
+    file.write(header.encode("ascii"))
+    file.write(records.tobytes())
