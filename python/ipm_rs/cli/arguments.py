@@ -60,7 +60,7 @@ def count(text: str) -> int:
 
 
 def add_grid(command: Parser, sampling: str | None = None) -> argparse._ArgumentGroup:
-    """Add the arguments that make a `BevGrid`, and return their group; `sampling` says what --sample-at does, if it is there."""
+    """Add the arguments of a `BevGrid`, and return their group; `sampling` says what --sample-at does, if it is one."""
     grid = command.add_argument_group("grid")
     grid.add_argument(
         "--x", metavar=("MIN", "MAX"), nargs=2, type=real, default=[7.0, 50.0], help="metres forward (default: 7 50)"

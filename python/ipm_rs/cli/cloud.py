@@ -76,7 +76,7 @@ Depth may be CARLA's colour code (an RGB or RGBA image), a 16-bit image with --d
         "--frame",
         choices=("vehicle", "flu", "camera"),
         default="vehicle",
-        help="of the points: vehicle, flu (the camera's, x forward, y left, z up) or camera (optical) (default: vehicle)",
+        help="of the points: vehicle, flu (the camera's: forward, left, up) or camera (optical) (default: vehicle)",
     )
     grid = add_grid(cloud)
     grid.add_argument(
