@@ -9,7 +9,7 @@ Frames: vehicle ISO 8855 (x forward, y left, z up, metres), camera optical (x ri
 the centre of the top-left pixel. Transforms are named `dst_from_src`; angles are in radians, positive pitch looks down.
 """
 
-from ipm_rs import errors, reference
+from ipm_rs import calibration, errors, reference
 from ipm_rs._core import (
     BevGrid,
     BrownConrady,
@@ -89,6 +89,7 @@ __all__ = [
     "Plane",
     "RadialPolynomial",
     "__version__",
+    "calibration",
     "cpu_info",
     "decode_carla_depth",
     "depth_to_lidar",

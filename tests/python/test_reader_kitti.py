@@ -326,6 +326,14 @@ def test_360_fisheye(tmp_path):
     assert math.degrees(camera.lens.max_angle) == pytest.approx(golden.KITTI_360_MAX_ANGLE_DEG, abs=0.05)
 
 
+def test_360_fisheye_as_old_opencv_writes_it(tmp_path):
+    """No space after a colon, which the dataset's own reader mends before it parses."""
+    path = SAMPLES["kitti-360 fisheye"].write(tmp_path)
+    expected = ipm_rs.Camera.from_kitti_360(path)
+    path.write_bytes(path.read_bytes().replace(b": ", b":") + b"# end\n")
+    assert ipm_rs.Camera.load(path) == expected
+
+
 def test_360_camera_of_its_own_file(tmp_path):
     path = SAMPLES["kitti-360 fisheye"].write(tmp_path)
     assert ipm_rs.Camera.load(path) == ipm_rs.Camera.from_kitti_360(path.parent, camera=3)
