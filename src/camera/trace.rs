@@ -119,7 +119,7 @@ impl Tracer {
                 }
             }
         }
-        if !(from <= to) {
+        if from > to {
             self.open = false;
             return;
         }
@@ -197,7 +197,7 @@ mod tests {
 
     #[test]
     fn where_there_is_no_image_it_is_cut_and_what_runs_off_to_infinity_is_clipped() {
-        let pieces = traced(0.0, |t| (t < 0.3 || t > 0.6).then_some([100.0 * t, 10.0]), 10);
+        let pieces = traced(0.0, |t| (!(0.3..=0.6).contains(&t)).then_some([100.0 * t, 10.0]), 10);
         assert_eq!(pieces.len(), 2);
         assert!((pieces[0].last().unwrap()[0] - 30.0).abs() < 1e-6);
         assert!((pieces[1][0][0] - 60.0).abs() < 1e-6);

@@ -144,7 +144,8 @@ fn linear(pairs: &[([f64; 2], [f64; 2])]) -> Result<Matrix3<f64>> {
     };
     let mut order: Vec<usize> = (0..9).collect();
     order.sort_by(|&a, &b| values[a].total_cmp(&values[b]));
-    if !(values[order[1]] > RANK * values[order[8]]) {
+    let rank = values[order[1]] / values[order[8]];
+    if rank.is_nan() || rank <= RANK {
         return degenerate("pairs that leave it open; are some of them on one line, or mixed up?");
     }
     let h = Matrix3::from_row_iterator(vectors.row(order[0]).iter().copied());
@@ -225,7 +226,7 @@ fn cost_of(pairs: &[([f64; 2], [f64; 2])], h: &Matrix3<f64>) -> f64 {
     let mut squares = 0.0;
     for &([u, v], [x, y]) in pairs {
         let q = h * Vector3::new(x, y, 1.0);
-        if !(q.z > 0.0) {
+        if q.z.is_nan() || q.z <= 0.0 {
             return f64::INFINITY;
         }
         squares += (q.x / q.z - u).powi(2) + (q.y / q.z - v).powi(2);

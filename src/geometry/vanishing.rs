@@ -35,7 +35,7 @@ pub fn vanishing_point(lines: &[[[f64; 2]; 2]]) -> Result<[f64; 2]> {
     }
     // the determinant is the sum of the squared sines between the lines
     let determinant = normal.determinant();
-    if !(determinant > 1e-12) {
+    if determinant.is_nan() || determinant <= 1e-12 {
         let got = format!("{} that are parallel", lines.len());
         return Err(Error::Points { what: WHAT, expected: "lines that meet", got });
     }

@@ -32,7 +32,7 @@ impl Plane {
         // the largest entry first, so that its square can neither overflow nor vanish
         let largest = normal.iter().fold(0.0_f64, |largest, value| largest.max(value.abs()));
         let unit = (Vector3::from(normal) / largest).normalize();
-        if !(unit.z.abs() > UPRIGHT) {
+        if unit.z.is_nan() || unit.z.abs() <= UPRIGHT {
             let problem = if largest == 0.0 { "a normal that is not zero," } else { "a plane that is not upright," };
             return Err(Error::Plane { expected: problem, got: normal });
         }
