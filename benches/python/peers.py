@@ -19,6 +19,7 @@ from typing import Any
 import cv2
 
 import cells
+import clouds
 import ipm_rs
 import threads as python_threads
 from adapters import BUILDS, FRAMES, OURS, WARPS, Adapter, Call
@@ -86,6 +87,7 @@ def measure(threads: int, only: str | None, rounds: int, seconds: float) -> dict
         seed = scenes["seed"]
         result["builds"] = measure_builds(seed, threads, rounds, seconds)
         result["frames"] = measure_warps(seed, JOBS[0], threads, rounds, seconds, FRAMES)
+        result["clouds"] = clouds.measure(threads, rounds, seconds)
         result["coverage"] = float(seed.lut.mask.mean())
         result["environment"] = environment()
         if threads == 1:
@@ -136,6 +138,7 @@ def main() -> None:
         "warps": {threads: run["warps"] for threads, run in runs.items()},
         "builds": {threads: run["builds"] for threads, run in runs.items()},
         "frames": {threads: run["frames"] for threads, run in runs.items()},
+        "clouds": {threads: run["clouds"] for threads, run in runs.items()},
         "cells": next((run["cells"] for run in runs.values() if "cells" in run), {}),
         "python_threads": next((run["python_threads"] for run in runs.values() if "python_threads" in run), {}),
         "isas": {},
@@ -145,7 +148,8 @@ def main() -> None:
             results["isas"][isa] = in_child(1, arguments, isa)["warps"]
     text = page(results)
     if arguments.quick:
-        rows = [row for jobs in results["warps"].values() for job in jobs.values() for row in job.values()]
+        measured = [*results["warps"].values(), *results["clouds"].values()]
+        rows = [row for jobs in measured for job in jobs.values() for row in job.values()]
         print(f"{len(rows)} answers checked, {sum(row['agrees'] for row in rows)} agree with the exact one")
         return
     print(text)

@@ -10,6 +10,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
+import clouds
 import ipm_rs
 from adapters import OURS, OURS_PERSPECTIVE, OURS_REMAP
 
@@ -128,7 +129,29 @@ def page(results: dict[str, Any]) -> str:
         "\nfrom four points, after which OpenCV computes every coordinate again in each `warpPerspective`.\n\n"
     )
     parts += _cells(results["cells"]) + _python_threads(results["python_threads"])
+    parts += _clouds(results["clouds"])
     return "".join(parts) + METHOD
+
+
+def _clouds(results: dict[str, Any]) -> list[str]:
+    text = (
+        "\n## Depth, points and pixels\n\n"
+        "Beside the fastest NumPy that gives the right answer. Errors are metres, for projecting pixels.\n\n"
+    )
+    lines, details = [], []
+    for threads, jobs in results.items():
+        for job, rows in jobs.items():
+            right = {name: row["median"] for name, row in rows.items() if name.startswith("NumPy") and row["agrees"]}
+            name, mine = min(right, key=right.__getitem__), rows[OURS]["median"]
+            ratio, bound = right[name] / mine, clouds.BOUNDS.get((job, threads))
+            shown = "" if bound is None else f"{bound:.1f}" + ("" if ratio >= bound else ", **missed**")
+            alone = results.get("1", {}).get(job, rows)[OURS]["median"]
+            numbers = [f"{mine:.3g}", f"{right[name]:.3g}", _ratio(right[name], mine), shown, f"{alone / mine:.2f}"]
+            lines.append([job, threads, *numbers, name.removeprefix("NumPy, ")])
+            details.append(f"\n### {job[:1].upper()}{job[1:]}, {_threads(threads)}\n\n")
+            details.append(_table(["", "median, ms", "min", "p95", "ratio", "error", "agrees"], _details(rows)))
+    header = ["job", "threads", "ipm_rs, ms", "NumPy, ms", "ratio", "at least", "times one thread", "which"]
+    return [text, _table(header, lines), *details, "\n"]
 
 
 def _cells(series: dict[str, list[list[Any]]]) -> list[str]:

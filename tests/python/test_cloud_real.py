@@ -108,9 +108,7 @@ def test_kitti_points_of_an_object_land_in_its_box(kitti, shared_data):
         for which, found in ((camera, hits), (turned, misplaced)):
             pixel, _, _ = which.project(sweep[inside, :3])
             found.append(((pixel >= (left - 2, top - 2)) & (pixel <= (right + 2, bottom + 2))).all(1).mean())
-    print(
-        f"\n{len(hits)} objects: {min(hits):.1%} or more of the points in their boxes; turned by 1.5 deg {np.mean(misplaced):.0%}"
-    )
+    print(f"\n{len(hits)} objects: {min(hits):.1%} or more in their boxes; turned by 1.5 deg {np.mean(misplaced):.0%}")
     assert len(hits) >= 3 and min(hits) > 0.97 and np.mean(misplaced) < 0.9
 
 
