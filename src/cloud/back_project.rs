@@ -2,7 +2,8 @@
 
 use nalgebra::Matrix3;
 
-use super::kernels::{self, PinholeRays, PointsRow, Rotate, Unit};
+use super::kernels::{self, PinholeRays, Planar, PointsRow, Rotate, Unit};
+use super::rays::{self, PixelRays, Viewpoint};
 use super::{DepthSample, PointSample};
 use crate::camera::Camera;
 use crate::cpu::Isa;
@@ -76,15 +77,15 @@ pub fn points_size((width, height): (usize, usize), stride: usize) -> (usize, us
 /// # Errors
 /// [`Error::DepthLimit`], [`Error::DepthSize`], [`Error::DepthChannels`], [`Error::TooManyPoints`],
 /// [`Error::OutputShape`], [`Error::Threads`], [`Error::Isa`] and [`Error::OutOfMemory`], before anything is written.
-pub fn points_from_depth_into<T: DepthSample, O: PointSample>(
+pub fn points_from_depth_into<'a, T: DepthSample, O: PointSample>(
     depth: &ImageView<'_, T>,
-    camera: &Camera,
+    viewpoint: impl Into<Viewpoint<'a>>,
     frame_from_camera: &Pose,
     mask: Option<&ImageView<'_, u8>>,
     options: &DepthOptions,
     out: &mut ImageViewMut<'_, O>,
 ) -> Result<()> {
-    let job = Job::new(depth, camera, frame_from_camera, mask, options)?;
+    let job = Job::new(depth, viewpoint.into(), frame_from_camera, mask, options)?;
     let (width, height) = job.size;
     if out.shape() != (height, width, 3) {
         return Err(Error::OutputShape { expected: (height, width, 3), got: out.shape() });
@@ -112,14 +113,14 @@ pub struct DepthCloud<O> {
 ///
 /// # Errors
 /// Those of [`points_from_depth_into`].
-pub fn cloud_from_depth<T: DepthSample, O: PointSample>(
+pub fn cloud_from_depth<'a, T: DepthSample, O: PointSample>(
     depth: &ImageView<'_, T>,
-    camera: &Camera,
+    viewpoint: impl Into<Viewpoint<'a>>,
     frame_from_camera: &Pose,
     mask: Option<&ImageView<'_, u8>>,
     options: &DepthOptions,
 ) -> Result<DepthCloud<O>> {
-    let job = Job::new(depth, camera, frame_from_camera, mask, options)?;
+    let job = Job::new(depth, viewpoint.into(), frame_from_camera, mask, options)?;
     let (width, height) = job.size;
     let mut cloud = DepthCloud {
         points: super::filled("points", width * height, [O::default(); 3])?,
@@ -152,6 +153,7 @@ pub fn cloud_from_depth<T: DepthSample, O: PointSample>(
 struct Job<'a, T> {
     depth: &'a ImageView<'a, T>,
     camera: &'a Camera,
+    table: Option<&'a PixelRays>,
     mask: Option<&'a ImageView<'a, u8>>,
     options: &'a DepthOptions,
     limits: (f64, f64),
@@ -174,7 +176,7 @@ struct Row<T> {
 impl<'a, T: DepthSample> Job<'a, T> {
     fn new(
         depth: &'a ImageView<'a, T>,
-        camera: &'a Camera,
+        Viewpoint { camera, rays }: Viewpoint<'a>,
         frame_from_camera: &Pose,
         mask: Option<&'a ImageView<'a, u8>>,
         options: &'a DepthOptions,
@@ -204,6 +206,7 @@ impl<'a, T: DepthSample> Job<'a, T> {
         Ok(Self {
             depth,
             camera,
+            table: rays,
             mask,
             options,
             limits: (options.min_depth, options.max_depth.min(f64::MAX)),
@@ -248,31 +251,23 @@ impl<'a, T: DepthSample> Job<'a, T> {
 
     /// The rays of the pixels of image row y in the result's frame: of length 1, or with z = 1 in the camera frame.
     fn rays(&self, y: usize, rays: &mut [Vec<f64>; 3]) {
-        if self.camera.lens().is_some() {
-            self.lens_rays(y, rays);
-        } else {
-            let (columns, row) = ((0.0, self.options.stride as f64), y as f64);
-            let intrinsics = super::intrinsics(self.camera);
-            kernels::run(self.isa, PinholeRays { columns, row, intrinsics, rays: slices(rays) });
+        let stride = self.options.stride;
+        match (self.table, self.camera.lens()) {
+            (Some(table), _) => table.copy_row(y, stride, slices(rays)),
+            (None, Some(_)) => rays::fill(self.camera, y, stride, slices(rays)),
+            (None, None) => {
+                let (columns, row) = ((0.0, stride as f64), y as f64);
+                let intrinsics = super::intrinsics(self.camera);
+                kernels::run(self.isa, PinholeRays { columns, row, intrinsics, rays: slices(rays) });
+            }
         }
-        if self.options.kind == DepthKind::Ray {
-            kernels::run(self.isa, Unit(slices(rays)));
+        match self.options.kind {
+            DepthKind::Ray => kernels::run(self.isa, Unit(slices(rays))),
+            DepthKind::Planar if self.camera.lens().is_some() => kernels::run(self.isa, Planar(slices(rays))),
+            DepthKind::Planar => {} // a pinhole's have z = 1
         }
         if let Some(rotation) = self.rotation {
             kernels::run(self.isa, Rotate { rays: slices(rays), rotation });
-        }
-    }
-
-    /// The rays of the pixels of image row y behind a lens, in the camera frame: any length for depth along the ray,
-    /// z = 1 for planar depth, which what lies 90 degrees or more off the axis has none of. NaN where there is none.
-    fn lens_rays(&self, y: usize, [xs, ys, zs]: &mut [Vec<f64>; 3]) {
-        for (i, x) in (0..self.depth.width()).step_by(self.options.stride).enumerate() {
-            let ray = self.camera.ray([x as f64, y as f64]);
-            let ray = match self.options.kind {
-                DepthKind::Ray => ray,
-                DepthKind::Planar => ray.filter(|ray| ray.z > 0.0).map(|ray| ray / ray.z),
-            };
-            [xs[i], ys[i], zs[i]] = ray.map_or([f64::NAN; 3], Into::into);
         }
     }
 

@@ -6,6 +6,7 @@ mod compat;
 mod kernels;
 mod points;
 mod project;
+mod rays;
 mod render;
 mod sample;
 
@@ -15,6 +16,7 @@ pub use carla::{ChannelOrder, DepthUnit, decode_carla_depth_into, encode_carla_d
 pub use compat::{LidarPoints, carla_084_points, depth_to_lidar};
 pub use points::PointsView;
 pub use project::{Projections, project_into};
+pub use rays::{PixelRays, Viewpoint};
 pub use render::{NO_POINT, RenderOptions, paint_into, render_points_into};
 pub use sample::{DepthSample, PointSample};
 

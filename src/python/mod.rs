@@ -47,8 +47,8 @@ mod core_module {
     use super::camera::PyCamera;
     #[pymodule_export]
     use super::cloud::{
-        decode_carla_depth, depth_to_lidar, depth_to_local_point_cloud, encode_carla_depth, points_from_depth,
-        render_points,
+        PyPixelRays, decode_carla_depth, depth_to_lidar, depth_to_local_point_cloud, encode_carla_depth,
+        points_from_depth, render_points,
     };
     #[pymodule_export]
     use super::direct::{remap, warp_perspective};

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pickle
+
 import numpy as np
 import pytest
 from helpers import refuses, same
@@ -232,6 +234,27 @@ def test_behind_a_lens(lens, focal, kind):
     rays = camera.unproject(np.stack([column, row], -1).reshape(-1, 2).astype(float)).reshape(H, W, 3)
     if kind == "ray":
         assert np.allclose(points, camera.position + rays * depth[..., None], equal_nan=True)
+
+
+@pytest.mark.parametrize("kind", ["z", "ray"])
+@pytest.mark.parametrize(
+    "lens", [None, ipm_rs.BrownConrady([-0.2, 0.03, 1e-3, -5e-4]), ipm_rs.Mei(1.2, [-0.1, 0, 0, 0])]
+)
+def test_rays_worked_out_once_are_the_camera_s(lens, kind):
+    matrix = np.array([[120.0, 0.0, W / 2], [0.0, 120.0, H / 2], [0.0, 0.0, 1.0]])
+    camera = ipm_rs.Camera(matrix, image_size=(W, H), vehicle_from_camera=CAMERA.vehicle_from_camera, lens=lens)
+    rays = ipm_rs.PixelRays(camera)
+    for options in ({}, {"frame": "vehicle"}, {"frame": "flu", "stride": 3, "max_depth": 50}, {"dtype": "float64"}):
+        expected = ipm_rs.points_from_depth(scene(), camera, kind=kind, **options)
+        assert same(ipm_rs.points_from_depth(scene(), rays, kind=kind, **options), expected)
+    assert rays.camera == camera and rays.nbytes == W * H * 24 and "PixelRays(Camera(130x90" in repr(rays)
+    again = pickle.loads(pickle.dumps(rays))
+    assert again == rays and hash(again) == hash(rays) and rays != ipm_rs.PixelRays(camera.resized(20, 10))
+    assert same(ipm_rs.points_from_depth(scene(), again), ipm_rs.points_from_depth(scene(), rays))
+    with refuses(errors.ImageError, "depth is 129x90", "130x90"):
+        ipm_rs.points_from_depth(scene()[:, 1:], rays)
+    with refuses(errors.ArgumentTypeError, "camera", "ndarray"):
+        ipm_rs.PixelRays(matrix)
 
 
 def test_beyond_180_degrees_there_is_no_planar_depth():

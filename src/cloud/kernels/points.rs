@@ -115,3 +115,23 @@ impl Body for PinholeRays<'_> {
         zs.fill(1.0);
     }
 }
+
+/// Rays with z = 1, as planar depth asks for; NaN for what lies 90 degrees or more off the axis.
+pub(in crate::cloud) struct Planar<'a>(pub(in crate::cloud) Rays<'a>);
+
+impl Body for Planar<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let [xs, ys, zs] = self.0;
+        let count = xs.len();
+        let (ys, zs) = (&mut ys[..count], &mut zs[..count]);
+        for i in 0..count {
+            let z = if zs[i] > 0.0 { zs[i] } else { f64::NAN };
+            xs[i] /= z;
+            ys[i] /= z;
+            zs[i] = if z > 0.0 { 1.0 } else { f64::NAN };
+        }
+    }
+}

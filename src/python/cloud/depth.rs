@@ -5,7 +5,8 @@ use pyo3::prelude::*;
 use pyo3::types::{PyList, PyTuple};
 
 use super::gather;
-use super::options::{self, depth_image, mask_image, wrong_dtype};
+use super::options::{self, View, depth_image, mask_image, wrong_dtype};
+use crate::ImageView;
 use crate::cloud::{
     DepthOptions, DepthSample, PointSample, check_points, cloud_from_depth, points_from_depth_into, points_size,
 };
@@ -15,7 +16,6 @@ use crate::python::error::classes::{ArgumentError, ImageError};
 use crate::python::image::ImageArray;
 use crate::python::layout::Layout;
 use crate::python::options::thread_count;
-use crate::{Camera, ImageView};
 
 /// Back-projects a depth image.
 #[pyfunction]
@@ -44,8 +44,8 @@ pub(in crate::python) fn points_from_depth<'py>(
     threads: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<Bound<'py, PyAny>> {
     let depth = depth_image("depth", depth)?;
-    let (camera, posed) = options::camera(camera, depth.size())?;
-    let frame_from_camera = options::frame(frame, &camera, posed)?;
+    let view = View::new(camera, depth.size())?;
+    let frame_from_camera = options::frame(frame, &view)?;
     let (min_depth, max_depth) = options::depth_limits(min_depth, max_depth)?;
     let options = DepthOptions {
         kind: options::depth_kind(kind)?,
@@ -58,7 +58,7 @@ pub(in crate::python) fn points_from_depth<'py>(
     let mask = mask.filter(|mask| !mask.is_none()).map(mask_image).transpose()?;
     let compact = compact.map_or(Ok(false), |object| flag("compact", object))?;
     let given = |object: Option<&Bound<'py, PyAny>>| object.filter(|object| !object.is_none()).cloned();
-    let call = Call { depth, camera, frame_from_camera, options, mask, values: given(values), out: given(out) };
+    let call = Call { depth, view, frame_from_camera, options, mask, values: given(values), out: given(out) };
     if !compact && call.values.is_some() {
         return Err(ArgumentError::new_err(
             "values: expected only with compact=True; organised points line up with image[::stride, ::stride] already",
@@ -116,7 +116,7 @@ fn double(object: Option<&Bound<'_, PyAny>>) -> PyResult<bool> {
 /// The arguments, checked.
 struct Call<'py> {
     depth: ImageArray<'py>,
-    camera: Camera,
+    view: View<'py>,
     frame_from_camera: Pose,
     options: DepthOptions,
     mask: Option<ImageArray<'py>>,
@@ -157,8 +157,8 @@ impl<'py> Call<'py> {
         };
         let mut write = out.write()?;
         let mut outs = write.views::<O>();
-        let (camera, frame, options) = (&self.camera, &self.frame_from_camera, &self.options);
-        py.detach(|| points_from_depth_into(depth, camera, frame, mask, options, &mut outs[0]))?;
+        let (view, frame, options) = (self.view.viewpoint(), &self.frame_from_camera, &self.options);
+        py.detach(|| points_from_depth_into(depth, view, frame, mask, options, &mut outs[0]))?;
         drop(outs);
         drop(write);
         Ok(self.out.clone().unwrap_or_else(|| out.into_array().into_any()))
@@ -171,8 +171,8 @@ impl<'py> Call<'py> {
     ) -> PyResult<Bound<'py, PyAny>> {
         let py = self.depth.dtype().py();
         let attributes = Attributes::new(self.values.as_ref(), self.depth.size())?;
-        let (camera, frame, options) = (&self.camera, &self.frame_from_camera, &self.options);
-        let cloud = py.detach(|| cloud_from_depth::<T, O>(depth, camera, frame, mask, options))?;
+        let (view, frame, options) = (self.view.viewpoint(), &self.frame_from_camera, &self.options);
+        let cloud = py.detach(|| cloud_from_depth::<T, O>(depth, view, frame, mask, options))?;
         let values = attributes.map(|attributes| attributes.gather(py, &cloud.index)).transpose()?;
         let count = cloud.points.len();
         let points = PyArray1::from_vec(py, cloud.points.into_flattened()).reshape([count, 3])?.into_any();

@@ -5,7 +5,8 @@ use numpy::{PyArrayDescr, PyArrayDescrMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyString;
 
-use crate::cloud::{ChannelOrder, DepthKind};
+use super::rays::PyPixelRays;
+use crate::cloud::{ChannelOrder, DepthKind, Viewpoint};
 use crate::geometry::{OPTICAL_FROM_FLU, Pose};
 use crate::python::camera::PyCamera;
 use crate::python::convert::{float, matrix3, matrix4, tuple_text, type_name};
@@ -64,18 +65,36 @@ pub(super) fn depth_limits(
     Ok((min_depth, max_depth))
 }
 
-/// A camera: one, or the pinhole of an intrinsic matrix and an image of that size.
-pub(super) fn camera(object: &Bound<'_, PyAny>, (width, height): (usize, usize)) -> PyResult<(Camera, bool)> {
-    if let Ok(camera) = object.cast::<PyCamera>() {
-        return Ok((camera.get().camera, true));
-    }
-    let model = Pinhole::from_matrix(&matrix3("camera", object)?)?;
-    let size = |length| u32::try_from(length).unwrap_or(u32::MAX);
-    Ok((Camera::new(model, (size(width), size(height)), Camera::forward_pose())?, false))
+/// What looks at a depth image.
+pub(super) struct View<'py> {
+    pub(super) camera: Camera,
+    /// Whether the camera knows where it stands.
+    posed: bool,
+    rays: Option<Bound<'py, PyPixelRays>>,
 }
 
-/// `frame_from_camera` of `"camera"`, `"flu"`, `"vehicle"` or a (4, 4) pose; whether the camera knows the vehicle.
-pub(super) fn frame(object: Option<&Bound<'_, PyAny>>, camera: &Camera, posed: bool) -> PyResult<Pose> {
+impl<'py> View<'py> {
+    /// Of a `Camera`, of `PixelRays`, or the pinhole of an intrinsic matrix and an image of that size.
+    pub(super) fn new(object: &Bound<'py, PyAny>, (width, height): (usize, usize)) -> PyResult<Self> {
+        if let Ok(camera) = object.cast::<PyCamera>() {
+            return Ok(Self { camera: camera.get().camera, posed: true, rays: None });
+        }
+        if let Ok(rays) = object.cast::<PyPixelRays>() {
+            return Ok(Self { camera: *rays.get().rays.camera(), posed: true, rays: Some(rays.clone()) });
+        }
+        let model = Pinhole::from_matrix(&matrix3("camera", object)?)?;
+        let size = |length| u32::try_from(length).unwrap_or(u32::MAX);
+        let camera = Camera::new(model, (size(width), size(height)), Camera::forward_pose())?;
+        Ok(Self { camera, posed: false, rays: None })
+    }
+
+    pub(super) fn viewpoint(&self) -> Viewpoint<'_> {
+        self.rays.as_ref().map_or_else(|| Viewpoint::from(&self.camera), |rays| Viewpoint::from(&rays.get().rays))
+    }
+}
+
+/// `frame_from_camera` of `"camera"`, `"flu"`, `"vehicle"` or a (4, 4) pose.
+pub(super) fn frame(object: Option<&Bound<'_, PyAny>>, view: &View<'_>) -> PyResult<Pose> {
     let expected = "frame: expected \"camera\", \"flu\", \"vehicle\" or a (4, 4) pose dst_from_camera";
     let rotated = |rotation| Pose::new("frame", rotation, Vector3::zeros());
     let Some(object) = object else { return Ok(rotated(nalgebra::Matrix3::identity())?) };
@@ -85,7 +104,7 @@ pub(super) fn frame(object: Option<&Bound<'_, PyAny>>, camera: &Camera, posed: b
     match name.to_str()? {
         "camera" => Ok(rotated(nalgebra::Matrix3::identity())?),
         "flu" => Ok(rotated(OPTICAL_FROM_FLU.transpose())?),
-        "vehicle" if posed => Ok(*camera.vehicle_from_camera()),
+        "vehicle" if view.posed => Ok(*view.camera.vehicle_from_camera()),
         "vehicle" => Err(ArgumentError::new_err(
             "frame: \"vehicle\" needs a Camera, which has a pose, got a bare K; use ipm_rs.Camera(K, image_size=..., vehicle_from_camera=...) or frame=\"flu\"",
         )),
