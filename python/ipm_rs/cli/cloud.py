@@ -18,7 +18,7 @@ from ipm_rs import imagefile, pointfile
 from ipm_rs.cli import depthfile
 from ipm_rs.cli.arguments import Commands, add_grid, check_output, count, real, resolution
 from ipm_rs.cli.printing import Progress, emit, no_progress, progress_bar
-from ipm_rs.errors import ArgumentError, FileError, ImageError
+from ipm_rs.errors import ArgumentError, CalibrationError, FileError, ImageError
 
 RAMP = np.array([(24, 28, 84), (0, 110, 150), (60, 170, 90), (240, 220, 60), (255, 255, 255)], dtype=np.float64)
 """Colours of heights, low to high, for the picture."""
@@ -103,7 +103,7 @@ def run(args: argparse.Namespace) -> None:
         raise ArgumentError(f"--heights: expected MIN < MAX, got {args.heights[0]:g} {args.heights[1]:g}")
     grid = ipm_rs.BevGrid(x=args.x, y=args.y, resolution=resolution(args.resolution))
     depths = [depthfile.probe(path, args.depth_scale) for path in args.depth]
-    camera = ipm_rs.Camera.load(args.calibration, image_size=depths[0].size, camera=args.camera)
+    camera = _read_camera(args, depths[0].size)
     jobs = _jobs(args, depths, camera)
     show_progress = len(jobs) > 1 and not args.quiet and sys.stderr.isatty()
     progress: Progress = progress_bar("cloud") if show_progress else no_progress
@@ -125,6 +125,18 @@ def run(args: argparse.Namespace) -> None:
         raise FileError(f"{failed} of {len(jobs)} depth images failed, see above; the others were written")
 
 
+def _read_camera(args: argparse.Namespace, size: tuple[int, int]) -> ipm_rs.Camera:
+    """Read the calibration; the size of the first depth image is for formats that do not hold one."""
+    try:
+        return ipm_rs.Camera.load(args.calibration, image_size=size, camera=args.camera)
+    except CalibrationError as error:
+        # a file that states another size: the comparison of the two says so better
+        try:
+            return ipm_rs.Camera.load(args.calibration, camera=args.camera)
+        except CalibrationError:
+            raise error from None
+
+
 def _jobs(args: argparse.Namespace, depths: list[depthfile.Header], camera: ipm_rs.Camera) -> list[_Job]:
     """Refuse images that do not fit and outputs that exist, coincide or are inputs; nothing is written here."""
     colours: list[imagefile.Header | None] = [None] * len(depths)
@@ -140,8 +152,8 @@ def _jobs(args: argparse.Namespace, depths: list[depthfile.Header], camera: ipm_
         if image is not None and tuple(image.size) != tuple(camera.image_size):
             (width, height), (wanted_width, wanted_height) = image.size, camera.image_size
             raise ImageError(
-                f"{image.path}: expected {wanted_width}x{wanted_height} pixels, as the calibration and the first depth "
-                f"image, got {width}x{height}"
+                f"{image.path}: expected {wanted_width}x{wanted_height} pixels, as the calibration was made for, got "
+                f"{width}x{height}; give images of that size, or camera.resized() in Python"
             )
     clouds = _outputs("-o", args.output, [header.path for header in depths], ".ply", pointfile.FORMATS)
     pictures = _outputs("--bev", args.bev, [header.path for header in depths], "_bev.png", tuple(imagefile.FORMATS))

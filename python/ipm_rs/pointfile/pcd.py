@@ -27,8 +27,10 @@ def read(path: Path) -> dict[str, NDArray[Any]]:
         raise MissingExtraError(
             'expected pypcd4, which reads PCD files, found none; install it with: pip install "ipm-rs[cloud]"'
         ) from error
-    _check_header(path)
+    points = _check_header(path)
     records = PointCloud.from_path(path).pc_data
+    if len(records) != points:
+        raise FileError(f"{path}: expected {points} points as its header says, got {len(records)}; it is cut short")
     return {
         name: records[name].astype(records.dtype[name].newbyteorder("="))
         for name in records.dtype.names or ()
@@ -36,8 +38,8 @@ def read(path: Path) -> dict[str, NDArray[Any]]:
     }
 
 
-def _check_header(path: Path) -> None:
-    """Refuse a header that claims more than the file holds, before memory is asked for."""
+def _check_header(path: Path) -> int:
+    """Return the number of points, or refuse a header that claims more than the file holds."""
     with path.open("rb") as file:
         start = file.read(_HEADER_BYTES)
     claims: dict[bytes, list[int]] = {}
@@ -67,6 +69,7 @@ def _check_header(path: Path) -> None:
             f"{path}: expected {points} points as its header says, got {path.stat().st_size} bytes; it is cut short or "
             "damaged"
         )
+    return points
 
 
 def write(file: BinaryIO, table: dict[str, NDArray[Any]]) -> None:

@@ -60,7 +60,7 @@ def rasterize(
 
     xyz = points[:, :3].astype(np.float64)
     held = points[:, 2] if values is None else np.asarray(values)
-    channels = held.reshape(len(held), -1)
+    channels = held[:, np.newaxis] if held.ndim == 1 else held
     if not np.issubdtype(channels.dtype, np.floating):
         channels = channels.astype(np.float32 if channels.dtype.itemsize <= 2 else np.float64)
     z = xyz[:, 2] if xyz.shape[1] > 2 else np.zeros(len(xyz))
@@ -94,7 +94,7 @@ def _collect(
     """Collect one channel; `cell` says where each value goes."""
     out = np.full(len(count), np.nan, dtype=values.dtype)
     if name == "mean":
-        sums = np.bincount(cell, weights=values.astype(np.float64), minlength=len(count))
+        sums = np.bincount(cell, weights=values.astype(np.float64), minlength=len(count)).astype(np.float64)
         np.divide(sums, count, out=sums, where=count > 0)
         out[count > 0] = sums[count > 0]
     elif name == "last":
