@@ -11,6 +11,7 @@ mod surface;
 pub(crate) mod table;
 pub(crate) mod tap;
 
+use crate::cpu::Isa;
 use crate::error::Result;
 pub(crate) use build::{check_homography, homography_row};
 use table::Table;
@@ -49,11 +50,11 @@ impl Lut {
     /// What `area` needs beyond the table; made by the first call.
     ///
     /// # Errors
-    /// [`Error::AreaSize`](crate::Error::AreaSize), [`Error::OutOfMemory`](crate::Error::OutOfMemory).
+    /// [`Error::AreaSize`](crate::Error::AreaSize), [`Error::Isa`](crate::Error::Isa), [`Error::OutOfMemory`](crate::Error::OutOfMemory).
     pub(crate) fn area_plan(&self) -> Result<&area::Plan> {
         match self.table.area.get() {
             Some(plan) => Ok(plan),
-            None => Ok(self.table.area.set(area::Plan::new(&self.table)?)),
+            None => Ok(self.table.area.set(area::Plan::new(Isa::active()?, &self.table)?)),
         }
     }
 

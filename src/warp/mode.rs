@@ -2,10 +2,11 @@
 //! nothing and of which nearest loses what is thinner than a cell.
 
 use super::{WarpOptions, check};
+use crate::cpu::Isa;
 use crate::error::{Error, Result};
 use crate::image::{ImageView, ImageViewMut, RowsMut, Sample};
 use crate::lut::Lut;
-use crate::lut::area::{Coordinates, Q, Shape, check_sides};
+use crate::lut::area::{Coordinates, Q, Shape, Sides, check_sides};
 use crate::lut::table::{RunKind, Segment};
 use crate::parallel;
 use crate::warp::kernels::{RowKernels, Source};
@@ -35,6 +36,7 @@ impl Lut {
         let border = check(self, images, outs, options)?;
         check_sides(self.source_size())?;
         let kernels = options.nearest_kernels(images)?;
+        let isa = options.isa()?;
         let labels = images.iter().map(Labels::new).collect::<Result<Vec<_>>>()?;
         let (rows, columns, channels) = (self.rows(), self.columns(), images[0].channels());
         let threads = options.threads_for(rows * columns * images.len(), channels)?;
@@ -42,7 +44,7 @@ impl Lut {
         for (index, (labels, out)) in labels.iter().zip(outs).enumerate() {
             let own = if border.len() == channels { 0 } else { index % border.len() };
             let source = Source::new(labels.image, &border[own..own + channels]);
-            let job = Job { lut: self, labels, source: &source, kernels: &kernels };
+            let job = Job { lut: self, isa, labels, source: &source, kernels: &kernels };
             parallel::for_each(threads, out.bands(band_rows), |(first, band)| job.run(first, band));
         }
         Ok(())
@@ -96,6 +98,7 @@ impl<'a, T: Sample + Ord> Labels<'a, T> {
 /// The warp of one image.
 struct Job<'a, T> {
     lut: &'a Lut,
+    isa: Isa,
     labels: &'a Labels<'a, T>,
     source: &'a Source<'a, T>,
     kernels: &'a RowKernels<T>,
@@ -104,14 +107,17 @@ struct Job<'a, T> {
 impl<T: Sample + Ord> Job<'_, T> {
     fn run(&self, first: usize, rows: RowsMut<'_, T>) {
         let (table, channels) = (self.lut.table(), self.source.channels());
-        let mut near = Coordinates::three(table, first);
+        let mut near = Coordinates::three(self.isa, table, first);
+        let mut sides = Sides::new(table.columns());
         let mut votes = Votes { counts: [0; MAX_IDS], seen: Vec::with_capacity(MAX_IDS) };
         for (row, cells) in (first..).zip(rows) {
-            near[2].read(table, Some(row + 1));
+            near[2].read(self.isa, table, Some(row + 1));
+            sides.read(self.isa, &near);
             table.row(row).for_each(|segment| self.nearest(segment, cells));
             for (cell, values) in cells.chunks_exact_mut(channels).enumerate() {
                 if near[1].is_valid(cell) {
-                    self.cell(&near, cell, values, &mut votes);
+                    let [[x], [y]] = near[1].at(cell..cell + 1) else { continue };
+                    self.cell([*x, *y], sides.of(cell), values, &mut votes);
                 }
             }
             near.rotate_left(1);
@@ -129,15 +135,13 @@ impl<T: Sample + Ord> Job<'_, T> {
     }
 
     /// Replaces the nearest pixel of a cell by the majority of its footprint, if that is larger than a pixel.
-    fn cell(&self, near: &[Coordinates; 3], cell: usize, values: &mut [T], votes: &mut Votes) {
-        let [ax, ay, bx, by] = Coordinates::sides(near, cell);
+    fn cell(&self, centre: [i32; 2], [ax, ay, bx, by]: [i32; 4], values: &mut [T], votes: &mut Votes) {
         let looks = |x: i32, y: i32| (x.abs().max(y.abs()) >> Q).saturating_add(1).min(MAX_LOOKS) as u8;
         let (along, down) = (looks(ax, ay), looks(bx, by));
         if along.max(down) == 1 {
             return;
         }
         let size = [self.labels.image.width(), self.labels.image.height()];
-        let centre = near[1].at(cell);
         let part = |side: i32, index: u8, count: u8| (i64::from(side) * i64::from(Shape::offset(index, count))) >> 14;
         let pixel = |centre: i32, a: i64, b: i64, size: usize| {
             usize::try_from((i64::from(centre) + a + b + (1 << (Q - 1))) >> Q).ok().filter(|&at| at < size)

@@ -7,6 +7,8 @@
 //! level is its [`Shape`], chosen for eight cells at once; see docs/decisions/0013.
 
 mod build;
+mod needs;
+mod reach;
 mod rows;
 mod shape;
 
@@ -15,14 +17,11 @@ use std::ops::Range;
 use std::sync::{Arc, Mutex, OnceLock};
 
 pub(crate) use build::check_sides;
-pub(crate) use rows::Coordinates;
+pub(crate) use rows::{Coordinates, Sides};
 pub(crate) use shape::Shape;
 
 /// Coordinates and footprints are in 1/1024 pixel.
 pub(crate) const Q: u32 = 10;
-
-/// Sides of the lattice have at most so many probes.
-pub(crate) const MAX_PROBES: i32 = 16;
 
 /// The plan of an area warp.
 #[derive(Debug)]
@@ -74,16 +73,6 @@ pub(crate) struct Cells {
 
 /// Behind the last footprint of a band there are so many of nothing: loops over footprints may run in whole vectors.
 pub(crate) const PADDING: usize = 16;
-
-impl Cells {
-    fn pad(&mut self, count: usize) {
-        let Self { x, y, along, down } = self;
-        for array in [x, y] {
-            array.extend(std::iter::repeat_n(0, count));
-        }
-        along.iter_mut().chain(down).for_each(|array| array.extend(std::iter::repeat_n(0, count)));
-    }
-}
 
 /// The source averaged over boxes of `2^kx` columns and `2^ky` rows: entry (column, row) is the box whose top-left pixel
 /// is (column, row * [`Level::row_step`]). Entries that no probe touches are never made.

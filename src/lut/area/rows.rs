@@ -1,7 +1,11 @@
 //! The table's coordinates, row by row, and how they grow from cell to cell.
 
+use std::ops::Range;
+
 use super::Q;
-use crate::lut::table::{RunKind, Table, unframed};
+use crate::cpu::Isa;
+use crate::lut::kernels::for_each_isa;
+use crate::lut::table::{RunKind, Table, Tap, unframed};
 
 /// The coordinate of a cell without an image.
 const OUTSIDE: i32 = i32::MIN;
@@ -9,22 +13,21 @@ const OUTSIDE: i32 = i32::MIN;
 /// The coordinates of a row in 1/1024 pixel, [`OUTSIDE`] where there is none.
 #[derive(Debug, Clone)]
 pub(crate) struct Coordinates {
-    pub(crate) xs: Vec<i32>,
-    pub(crate) ys: Vec<i32>,
+    /// Entry i + 1 is of cell i; before the first and behind the last cell there is nothing.
+    xs: Vec<i32>,
+    ys: Vec<i32>,
     /// 1 for cells of the mask; those of the halo have coordinates too.
-    pub(crate) valid: Vec<u8>,
+    valid: Vec<u8>,
 }
 
 impl Coordinates {
-    pub(crate) fn new(columns: usize) -> Self {
-        Self { xs: vec![OUTSIDE; columns], ys: vec![OUTSIDE; columns], valid: vec![0; columns] }
-    }
-
     /// The rows before, at and after `row`, of which the last is still to be read.
-    pub(crate) fn three(table: &Table, row: usize) -> [Self; 3] {
-        let mut near = [(), (), ()].map(|()| Self::new(table.columns()));
-        near[0].read(table, row.checked_sub(1));
-        near[1].read(table, Some(row));
+    pub(crate) fn three(isa: Isa, table: &Table, row: usize) -> [Self; 3] {
+        let columns = table.columns();
+        let none = || Self { xs: vec![OUTSIDE; columns + 2], ys: vec![OUTSIDE; columns + 2], valid: vec![0; columns] };
+        let mut near = [(), (), ()].map(|()| none());
+        near[0].read(isa, table, row.checked_sub(1));
+        near[1].read(isa, table, Some(row));
         near
     }
 
@@ -33,43 +36,35 @@ impl Coordinates {
         self.valid[cell] != 0
     }
 
-    /// Where a cell samples, 1/1024 pixel.
-    pub(crate) fn at(&self, cell: usize) -> [i32; 2] {
-        [self.xs[cell], self.ys[cell]]
+    /// For each cell whether it is in the mask.
+    pub(crate) fn valid(&self) -> &[u8] {
+        &self.valid
     }
 
-    /// The sides of the parallelogram that a cell of the middle row covers on the source, in 1/1024 pixel: (x, y) of the
-    /// one along the row, then of the one down the columns.
-    pub(crate) fn sides([above, here, below]: &[Self; 3], cell: usize) -> [i32; 4] {
-        let row = |values: &[i32]| {
-            let at = |cell: Option<usize>| cell.and_then(|cell| values.get(cell)).copied().unwrap_or(OUTSIDE);
-            slope(at(cell.checked_sub(1)), values[cell], at(Some(cell + 1)))
-        };
-        let down = |pick: fn(&Self) -> &[i32]| slope(pick(above)[cell], pick(here)[cell], pick(below)[cell]);
-        [row(&here.xs), row(&here.ys), down(|row| &row.xs), down(|row| &row.ys)]
+    /// Where neighbouring cells sample: columns and rows, 1/1024 pixel.
+    pub(crate) fn at(&self, cells: Range<usize>) -> [&[i32]; 2] {
+        [&self.xs, &self.ys].map(|axis| &axis[1 + cells.start..1 + cells.end])
     }
 
     /// Reads row `row` of a table; all outside where there is no such row.
-    pub(crate) fn read(&mut self, table: &Table, row: Option<usize>) {
-        self.xs.fill(OUTSIDE);
-        self.ys.fill(OUTSIDE);
+    pub(crate) fn read(&mut self, isa: Isa, table: &Table, row: Option<usize>) {
         self.valid.fill(0);
-        let Some(row) = row.filter(|&row| row < table.rows()) else { return };
+        let Some(row) = row.filter(|&row| row < table.rows()) else {
+            self.xs.fill(OUTSIDE);
+            self.ys.fill(OUTSIDE);
+            return;
+        };
         let (width, _) = table.source();
-        let inverse_width = 1.0 / f64::from(width);
         for segment in table.row(row) {
             let cells = segment.first..segment.first + segment.cells;
-            let (xs, ys) = (&mut self.xs[cells.clone()], &mut self.ys[cells.clone()]);
+            let own = cells.start + 1..cells.end + 1;
+            let (xs, ys) = (&mut self.xs[own.clone()], &mut self.ys[own]);
             match segment.kind {
-                RunKind::Outside => continue,
-                RunKind::Inside => {
-                    for ((x, y), tap) in xs.iter_mut().zip(ys).zip(segment.taps) {
-                        // exact: see `Strided` of the kernels
-                        let row = ((f64::from(tap.offset) + 0.5) * inverse_width) as u32;
-                        *x = fixed((tap.offset - row * width) as i32, tap.fx());
-                        *y = fixed(row as i32, tap.fy());
-                    }
+                RunKind::Outside => {
+                    xs.fill(OUTSIDE);
+                    ys.fill(OUTSIDE);
                 }
+                RunKind::Inside => unpack(isa, segment.taps, width, xs, ys),
                 RunKind::Rim | RunKind::Halo => {
                     for ((x, y), tap) in xs.iter_mut().zip(ys).zip(segment.taps) {
                         let (column, row) = unframed(tap.offset, width);
@@ -78,10 +73,46 @@ impl Coordinates {
                     }
                 }
             }
-            if segment.kind != RunKind::Halo {
+            if matches!(segment.kind, RunKind::Inside | RunKind::Rim) {
                 self.valid[cells].fill(1);
             }
         }
+    }
+}
+
+/// The sides of the parallelograms that the cells of a row cover on the source, in 1/1024 pixel: (x, y) of the one along
+/// the row, then of the one down the columns. Half the way from the cell before to the one after, or from or to the only
+/// one that sees the image; 0 where neither does. Of cells without an image they are anything at all.
+#[derive(Debug, Clone)]
+pub(crate) struct Sides([Vec<i32>; 4]);
+
+impl Sides {
+    pub(crate) fn new(columns: usize) -> Self {
+        Self([(), (), (), ()].map(|()| vec![0; columns]))
+    }
+
+    /// Works them out for the middle one of three rows.
+    pub(crate) fn read(&mut self, isa: Isa, [above, here, below]: &[Coordinates; 3]) {
+        let Self([ax, ay, bx, by]) = self;
+        let cells = ax.len();
+        for (side, axis) in [(ax, &here.xs), (ay, &here.ys)] {
+            slopes(isa, &axis[..cells], &axis[1..=cells], &axis[2..], side);
+        }
+        for (side, [above, here, below]) in
+            [(bx, [&above.xs, &here.xs, &below.xs]), (by, [&above.ys, &here.ys, &below.ys])]
+        {
+            slopes(isa, &above[1..=cells], &here[1..=cells], &below[1..=cells], side);
+        }
+    }
+
+    /// Those of one cell.
+    pub(crate) fn of(&self, cell: usize) -> [i32; 4] {
+        [0, 1, 2, 3].map(|side| self.0[side][cell])
+    }
+
+    /// Those of neighbouring cells.
+    pub(crate) fn cells(&self, cells: Range<usize>) -> [&[i32]; 4] {
+        [0, 1, 2, 3].map(|side| &self.0[side][cells.clone()])
     }
 }
 
@@ -91,14 +122,39 @@ fn fixed(whole: i32, fraction: u32) -> i32 {
     (whole << Q) + (fraction >> (15 - Q)) as i32
 }
 
-/// How a coordinate grows from cell to cell at `here`: half the way from the one before to the one after, or from or to
-/// the only one that sees the image; 0 where neither does.
-#[inline(always)]
-fn slope(before: i32, here: i32, after: i32) -> i32 {
-    match (before != OUTSIDE, after != OUTSIDE) {
-        (true, true) => (after - before) / 2,
-        (true, false) => here - before,
-        (false, true) => after - here,
-        (false, false) => 0,
+/// The coordinates of taps that count as [`RunKind::Inside`] says.
+fn unpack(isa: Isa, taps: &[Tap], width: u32, xs: &mut [i32], ys: &mut [i32]) {
+    #[inline(always)]
+    fn body(taps: &[Tap], width: u32, xs: &mut [i32], ys: &mut [i32]) {
+        /// Added to a float64, it leaves the nearest whole number in the low bits.
+        const WHOLE: f64 = (1u64 << 52) as f64;
+        let cells = taps.len();
+        let (xs, ys) = (&mut xs[..cells], &mut ys[..cells]);
+        let inverse_width = 1.0 / f64::from(width);
+        for i in 0..cells {
+            let tap = taps[i];
+            // The row is the whole part of (offset + 0.5) / width, which is 0.5 / width or more from a whole number, so
+            // rounding half of one less gives it.
+            let row = ((f64::from(tap.offset) + 0.5) * inverse_width - 0.5 + WHOLE).to_bits() as u32;
+            xs[i] = fixed((tap.offset - row * width) as i32, tap.fx());
+            ys[i] = fixed(row as i32, tap.fy());
+        }
     }
+    for_each_isa!(isa, (body, body, body)(taps: &[Tap], width: u32, xs: &mut [i32], ys: &mut [i32]));
+}
+
+fn slopes(isa: Isa, before: &[i32], here: &[i32], after: &[i32], slopes: &mut [i32]) {
+    #[inline(always)]
+    fn body(before: &[i32], here: &[i32], after: &[i32], slopes: &mut [i32]) {
+        let cells = slopes.len();
+        let (before, here, after) = (&before[..cells], &here[..cells], &after[..cells]);
+        for i in 0..cells {
+            let (has_before, has_after) = (before[i] != OUTSIDE, after[i] != OUTSIDE);
+            let from = if has_before { before[i] } else { here[i] };
+            let to = if has_after { after[i] } else { here[i] };
+            let way = to.wrapping_sub(from);
+            slopes[i] = if has_before & has_after { way >> 1 } else { way };
+        }
+    }
+    for_each_isa!(isa, (body, body, body)(before: &[i32], here: &[i32], after: &[i32], slopes: &mut [i32]));
 }

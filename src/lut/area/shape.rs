@@ -1,6 +1,11 @@
 //! How a footprint is averaged: which lattice of probes, over which boxes.
 
-use super::{MAX_PROBES, Q};
+use super::Q;
+use crate::cpu::Isa;
+use crate::lut::kernels::for_each_isa;
+
+/// Sides of a lattice have at most so many probes.
+const MAX_PROBES: f32 = 16.0;
 
 /// Boxes have at most `2^MAX_LOG` pixels a side.
 const MAX_LOG: u32 = 6;
@@ -19,38 +24,30 @@ impl Shape {
     /// Plain bilinear: the footprint is no larger than a pixel.
     pub(crate) const BILINEAR: Self = Self { kx: 0, ky: 0, along: 1, down: 1 };
 
-    /// The shape for a footprint with sides `along` and `down`, in 1/1024 pixel, on a source of `(width, height)`.
-    ///
-    /// Boxes must fit into the parallelogram, or they blur across it, and probes must lie no further apart than boxes
-    /// are large, or pixels between them are missed. So boxes are a part of the chords through the middle of the
-    /// footprint, and the sides are divided by what is left of them: all of it in units of boxes. Large footprints get
-    /// more boxes to a chord, by the root of its length: there the result is so good that the box's corners show.
-    #[inline]
-    pub(crate) fn choose(along: [i32; 2], down: [i32; 2], (width, height): (u32, u32)) -> Self {
-        /// Chords in pixels of which a box is as long as the chord.
-        const SINGLE: [f32; 2] = [2.0, 0.7];
-        /// Of a step between two sizes of boxes, how much is rounded up.
-        const UP: f32 = 1.32; // 2^0.4
-        let pixels = |value: i32| value as f32 * (1.0 / (1 << Q) as f32);
-        let [[ax, ay], [bx, by]] = [along, down].map(|side| side.map(pixels));
-        let area = (ax * by - ay * bx).abs();
-        let [ax, ay, bx, by] = [ax, ay, bx, by].map(f32::abs);
-        let (wide, high) = (ax.max(bx).max(1.0), ay.max(by).max(1.0));
-        // chords through the middle; a footprint is at least a pixel thick
-        let chord = [(area.max(wide) / high).clamp(1.0, wide), (area.max(high) / wide).clamp(1.0, high)];
-        let target = |axis: usize| chord[axis].min((SINGLE[axis] * chord[axis]).sqrt()).max(1.0);
-        let [kx, ky] = [0, 1].map(|axis| floor_log2(target(axis) * UP));
-        let (box_x, box_y) = ((1u32 << kx) as f32, (1u32 << ky) as f32);
-        let probes = |x: f32, y: f32| ((x / box_x + 0.5).max(y / box_y + 0.85) as i32).clamp(1, MAX_PROBES);
-        let (along, down) = (probes(ax, ay), probes(bx, by));
-        // the boxes that fit what the lattice leaves between its probes
-        let left = |a: f32, b: f32| (a / along as f32).max(b / down as f32).max(1.0);
-        let largest = |size: u32| if size < 4 { 0 } else { (size - 1).ilog2() - 1 };
-        Self {
-            kx: floor_log2(left(ax, bx) * UP).min(largest(width)) as u8,
-            ky: floor_log2(left(ay, by) * UP).min(largest(height)) as u8,
-            along: along as u8,
-            down: down as u8,
+    /// The shapes for typical footprints of a source of this size: `sides` tells (x, y) of the side along the output's row
+    /// and of the one down its columns, in 1/1024 pixel, of the i-th; `None` is [`Shape::BILINEAR`].
+    pub(super) fn choose_all(
+        isa: Isa,
+        (width, height): (u32, u32),
+        shapes: &mut [Self],
+        sides: impl Fn(usize) -> Option<[i32; 4]>,
+    ) {
+        /// So many at once, for vectors.
+        const BATCH: usize = 16;
+        let largest = [width, height].map(|size| if size < 4 { 0 } else { ((size - 1).ilog2() - 1).min(MAX_LOG) });
+        for (batch, shapes) in shapes.chunks_mut(BATCH).enumerate() {
+            let mut footprints = [[0.0; BATCH]; 4];
+            for (index, _) in shapes.iter().enumerate() {
+                for (column, side) in footprints.iter_mut().zip(sides(batch * BATCH + index).unwrap_or_default()) {
+                    column[index] = side as f32 * (1.0 / (1 << Q) as f32);
+                }
+            }
+            let mut packed = [0; BATCH];
+            choose(isa, largest, &footprints, &mut packed);
+            for (shape, packed) in shapes.iter_mut().zip(packed) {
+                let [kx, ky, along, down] = u32::to_le_bytes(packed);
+                *shape = Self { kx, ky, along, down };
+            }
         }
     }
 
@@ -77,8 +74,67 @@ impl Shape {
     }
 }
 
+/// The shapes of footprints with sides (x, y) along and (x, y) down, in pixels, as bytes; levels above `largest` do not
+/// fit the source.
+///
+/// Boxes must fit into the parallelogram, or they blur across it, and probes must lie no further apart than boxes are
+/// large, or pixels between them are missed. So boxes are a part of the chords through the middle of the footprint, and
+/// the sides are divided into boxes. Large footprints get more boxes to a chord, by the root of its length: there the
+/// result is so good that the corners of boxes show.
+fn choose<const N: usize>(isa: Isa, largest: [u32; 2], sides: &[[f32; N]; 4], shapes: &mut [u32; N]) {
+    let (sides, shapes) = (sides.each_ref().map(|side| &side[..]), &mut shapes[..]);
+    for_each_isa!(isa, (body, body, body)(largest: [u32; 2], sides: [&[f32]; 4], shapes: &mut [u32]));
+}
+
+#[inline(always)]
+fn body(largest: [u32; 2], sides: [&[f32]; 4], shapes: &mut [u32]) {
+    /// Chords across and down, in pixels, of which a box is as long as the chord.
+    const SINGLE: [f32; 2] = [2.0, 0.7];
+    /// Of a step between two sizes of boxes, how much is rounded up: 2^0.4.
+    const UP: f32 = 1.32;
+    let count = shapes.len();
+    let [ax, ay, bx, by] = sides.map(|side| &side[..count]);
+    for i in 0..count {
+        let area = (ax[i] * by[i] - ay[i] * bx[i]).abs();
+        let [ax, ay, bx, by] = [ax[i].abs(), ay[i].abs(), bx[i].abs(), by[i].abs()];
+        let (wide, high) = (larger(larger(ax, bx), 1.0), larger(larger(ay, by), 1.0));
+        // a footprint is at least a pixel thick
+        let chord_x = larger(smaller(larger(area, wide) / high, wide), 1.0);
+        let chord_y = larger(smaller(larger(area, high) / wide, high), 1.0);
+        let target = |chord: f32, single: f32| larger(smaller(chord, (single * chord).sqrt()), 1.0);
+        let box_x = power(floor_log2(target(chord_x, SINGLE[0]) * UP));
+        let box_y = power(floor_log2(target(chord_y, SINGLE[1]) * UP));
+        let probes =
+            |x: f32, y: f32| smaller(larger(larger(x / box_x + 0.5, y / box_y + 0.85), 1.0), MAX_PROBES) as i32;
+        let (along, down) = (probes(ax, ay), probes(bx, by));
+        // the boxes that fit what the lattice leaves between its probes
+        let left = |a: f32, b: f32| larger(larger(a / along as f32, b / down as f32), 1.0);
+        let kx = floor_log2(left(ax, bx) * UP).min(largest[0]);
+        let ky = floor_log2(left(ay, by) * UP).min(largest[1]);
+        shapes[i] = kx | ky << 8 | (along as u32) << 16 | (down as u32) << 24;
+    }
+}
+
+// of the standard library's the compiler makes no vectors, for the sake of NaN
+
+#[inline(always)]
+fn larger(a: f32, b: f32) -> f32 {
+    if a > b { a } else { b }
+}
+
+#[inline(always)]
+fn smaller(a: f32, b: f32) -> f32 {
+    if a < b { a } else { b }
+}
+
 /// The whole part of log2 of a number of at least 1, at most [`MAX_LOG`].
 #[inline(always)]
 fn floor_log2(number: f32) -> u32 {
-    ((number.to_bits() >> 23).wrapping_sub(127)).min(MAX_LOG)
+    (number.to_bits() >> 23).wrapping_sub(127).min(MAX_LOG)
+}
+
+/// `2^log`.
+#[inline(always)]
+fn power(log: u32) -> f32 {
+    f32::from_bits((log + 127) << 23)
 }

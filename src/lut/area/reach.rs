@@ -1,0 +1,165 @@
+//! How far the probes of footprints reach, and which leave the level that they look at.
+
+use std::ops::Range;
+
+use super::{Cells, Level, Q, Shape};
+use crate::cpu::Isa;
+use crate::lut::kernels::for_each_isa;
+
+/// The entries that probes touch are told for so many neighbouring footprints at once.
+const BLOCK: usize = 16;
+
+/// What all footprints of a run have in common.
+#[derive(Clone, Copy)]
+pub(super) struct Lattice {
+    pub(super) shift: u8,
+    /// How far the outermost probe is along each side, in 1/16384 of it.
+    outermost: [i32; 2],
+    /// The box's top-left pixel from its middle, in 1/1024 pixel.
+    corner: [i32; 2],
+    /// The last entry of the level in each direction, in 1/1024 entry.
+    last: [i32; 2],
+    row_step: u32,
+}
+
+impl Lattice {
+    pub(super) fn new(shape: Shape, shift: u8, (width, height): (u32, u32)) -> Self {
+        let (box_width, box_height) = shape.box_size();
+        Self {
+            shift,
+            outermost: [shape.along, shape.down].map(|count| Shape::offset(count - 1, count)),
+            corner: [box_width, box_height].map(|size| (size as i32 - 1) << (Q - 1)),
+            last: [width - box_width, Level::whole_rows(height, shape.ky.into()) - 1].map(|last| (last as i32) << Q),
+            row_step: Level::log_row_step(shape.ky.into()),
+        }
+    }
+}
+
+/// For each footprint of a run the outermost entries that it touches, 1/1024 entry, not yet kept inside the level.
+pub(super) struct Reach {
+    left: Vec<i32>,
+    right: Vec<i32>,
+    top: Vec<i32>,
+    bottom: Vec<i32>,
+    clipped: Vec<u8>,
+    last: [i32; 2],
+}
+
+impl Reach {
+    pub(super) fn new(columns: usize) -> Self {
+        let none = || vec![0; columns];
+        let (left, right, top, bottom) = (none(), none(), none(), none());
+        Self { left, right, top, bottom, clipped: vec![0; columns], last: [0; 2] }
+    }
+
+    /// By how many bits the sides of footprints must be shifted to fit 16.
+    pub(super) fn shift(isa: Isa, sides: [&[i32]; 4]) -> u8 {
+        let bits = sides.into_iter().fold(0, |bits, side| bits | any_bits(isa, side));
+        (17 - bits.leading_zeros().min(17)).min(14) as u8
+    }
+
+    /// Reads the footprints `range` of a band, and tells whether a probe leaves the level.
+    pub(super) fn read(&mut self, isa: Isa, lattice: &Lattice, cells: &Cells, range: Range<usize>) -> bool {
+        let count = range.len();
+        self.last = lattice.last;
+        let sides = [&cells.along[0], &cells.along[1], &cells.down[0], &cells.down[1]].map(|side| &side[range.clone()]);
+        let centre = [&cells.x[range.clone()], &cells.y[range]];
+        let Self { left, right, top, bottom, clipped, .. } = self;
+        let bounds = [&mut left[..count], &mut right[..count], &mut top[..count], &mut bottom[..count]];
+        bounds_of_cells(isa, lattice, centre, sides, bounds, &mut clipped[..count]);
+        any_set(isa, &clipped[..count])
+    }
+
+    /// For each footprint of those that were read, 1 if a probe leaves the level.
+    pub(super) fn clipped(&self) -> &[u8] {
+        &self.clipped
+    }
+
+    /// Tells the entries that the first `count` footprints touch, block by block: columns and rows.
+    pub(super) fn blocks(&self, count: usize, mut tell: impl FnMut(Range<u32>, Range<u32>)) {
+        for first in (0..count).step_by(BLOCK) {
+            let block = first..(first + BLOCK).min(count);
+            let entries = |low: &[i32], high: &[i32], last: i32| {
+                let low = low[block.clone()].iter().fold(i32::MAX, |low, &at| low.min(at));
+                let high = high[block.clone()].iter().fold(i32::MIN, |high, &at| high.max(at));
+                (low.clamp(0, last) >> Q) as u32..(high.clamp(0, last) >> Q) as u32 + 2
+            };
+            tell(entries(&self.left, &self.right, self.last[0]), entries(&self.top, &self.bottom, self.last[1]));
+        }
+    }
+}
+
+fn bounds_of_cells(
+    isa: Isa,
+    lattice: &Lattice,
+    centre: [&[i32]; 2],
+    sides: [&[i16]; 4],
+    bounds: [&mut [i32]; 4],
+    clipped: &mut [u8],
+) {
+    #[inline(always)]
+    fn body(lattice: &Lattice, centre: [&[i32]; 2], sides: [&[i16]; 4], bounds: [&mut [i32]; 4], clipped: &mut [u8]) {
+        let Lattice { shift, outermost: [along, down], corner, last, row_step } = *lattice;
+        let cells = clipped.len();
+        let ([x, y], [ax, ay, bx, by]) = (centre.map(|axis| &axis[..cells]), sides.map(|side| &side[..cells]));
+        let [left, right, top, bottom] = bounds.map(|bound| &mut bound[..cells]);
+        for i in 0..cells {
+            let far = |a: i16, b: i16| {
+                ((i32::from(a).abs() * along + i32::from(b).abs() * down) >> (14 - u32::from(shift))) + 1
+            };
+            let (middle_x, far_x) = (x[i] - corner[0], far(ax[i], bx[i]));
+            let (middle_y, far_y) = (y[i] - corner[1], far(ay[i], by[i]));
+            left[i] = middle_x - far_x;
+            right[i] = middle_x + far_x;
+            top[i] = (middle_y - far_y) >> row_step;
+            bottom[i] = (middle_y + far_y) >> row_step;
+            clipped[i] = u8::from((left[i] < 0) | (top[i] < 0) | (right[i] >= last[0]) | (bottom[i] >= last[1]));
+        }
+    }
+    for_each_isa!(isa, (body, body, body)(
+        lattice: &Lattice, centre: [&[i32]; 2], sides: [&[i16]; 4], bounds: [&mut [i32]; 4], clipped: &mut [u8]
+    ));
+}
+
+/// Shifts the sides of footprints so that they fit 16 bits; those that do not are as large as they can be.
+pub(super) fn narrow(isa: Isa, sides: &[i32], shift: u8, narrow: &mut [i16]) {
+    #[inline(always)]
+    fn body(sides: &[i32], shift: u8, narrow: &mut [i16]) {
+        let sides = &sides[..narrow.len()];
+        for i in 0..narrow.len() {
+            narrow[i] = (sides[i] >> shift).clamp(-0x7fff, 0x7fff) as i16;
+        }
+    }
+    for_each_isa!(isa, (body, body, body)(sides: &[i32], shift: u8, narrow: &mut [i16]));
+}
+
+/// The bits that any of these has, signs aside.
+fn any_bits(isa: Isa, numbers: &[i32]) -> u32 {
+    #[inline(always)]
+    fn body(numbers: &[i32], bits: &mut u32) {
+        let mut all = 0;
+        for &number in numbers {
+            all |= number.unsigned_abs();
+        }
+        *bits = all;
+    }
+    let mut bits = 0;
+    let into = &mut bits;
+    for_each_isa!(isa, (body, body, body)(numbers: &[i32], into: &mut u32));
+    bits
+}
+
+fn any_set(isa: Isa, flags: &[u8]) -> bool {
+    #[inline(always)]
+    fn body(flags: &[u8], any: &mut u8) {
+        let mut all = 0;
+        for &flag in flags {
+            all |= flag;
+        }
+        *any = all;
+    }
+    let mut any = 0;
+    let into = &mut any;
+    for_each_isa!(isa, (body, body, body)(flags: &[u8], into: &mut u8));
+    any != 0
+}
