@@ -13,7 +13,7 @@ use crate::lut::table::{Table, band_rows};
 use crate::parallel;
 
 /// So many neighbouring cells get one shape.
-const GROUP: usize = 8;
+const GROUP: usize = 16;
 
 /// Sources may not be longer or higher: coordinates in 1/1024 pixel fit 31 bits.
 const MAX_SIDE: u32 = 1 << 20;
@@ -76,11 +76,12 @@ impl<'a> Builder<'a> {
 
     fn run(&mut self, rows: Range<usize>) -> Result<()> {
         let (isa, columns) = (self.isa, self.table.columns());
+        // room for as many as there can be costs nothing where it is not used
+        self.band.cells.reserve(self.table.band(rows.start).cells_with_taps(rows.clone()) + PADDING)?;
         let mut near = Coordinates::three(isa, self.table, rows.start);
         for row in rows {
             near[2].read(isa, self.table, Some(row + 1));
             self.sides.read(isa, &near);
-            self.band.cells.reserve(columns)?;
             self.choose(near[1].valid());
             // neighbouring groups of one shape are one run
             let mut run = 0..0;
@@ -100,8 +101,8 @@ impl<'a> Builder<'a> {
             self.band.ends.push(self.band.pieces.len() as u32);
             near.rotate_left(1);
         }
-        self.band.cells.reserve(PADDING)?;
         self.band.cells.pad(PADDING);
+        self.band.cells.shrink();
         Ok(())
     }
 
@@ -165,7 +166,9 @@ impl<'a> Builder<'a> {
 
 /// How many entries at the start are as the first, of which there is one.
 fn equal_prefix(flags: &[u8]) -> usize {
-    flags.iter().position(|&flag| flag != flags[0]).unwrap_or(flags.len())
+    let sixteen = [flags[0]; 16];
+    let words = 16 * flags.as_chunks::<16>().0.iter().take_while(|&&word| word == sixteen).count();
+    words + flags[words..].iter().take_while(|&&flag| flag == flags[0]).count()
 }
 
 impl Cells {
@@ -173,32 +176,39 @@ impl Cells {
         self.x.len()
     }
 
-    /// Room for the footprints of another row, or an error instead of an abort.
-    fn reserve(&mut self, columns: usize) -> Result<()> {
-        let failed = |_| Error::OutOfMemory { what: "Lut", bytes: columns * 16 };
-        let Self { x, y, along, down } = self;
-        for array in [x, y] {
-            array.try_reserve(columns).map_err(failed)?;
-        }
-        along.iter_mut().chain(down).try_for_each(|array| array.try_reserve(columns).map_err(failed))
+    fn arrays(&mut self) -> ([&mut Vec<i32>; 2], [&mut Vec<i16>; 4]) {
+        let Self { x, y, along: [ax, ay], down: [bx, by] } = self;
+        ([x, y], [ax, ay, bx, by])
     }
 
-    fn extend(&mut self, isa: Isa, [xs, ys]: [&[i32]; 2], sides: [&[i32]; 4], shift: u8) {
-        let Self { x, y, along, down } = self;
-        x.extend_from_slice(xs);
-        y.extend_from_slice(ys);
-        for (side, array) in sides.into_iter().zip(along.iter_mut().chain(down)) {
+    /// Room for so many footprints, or an error instead of an abort.
+    fn reserve(&mut self, count: usize) -> Result<()> {
+        let failed = |_| Error::OutOfMemory { what: "Lut", bytes: count * 16 };
+        let (centre, sides) = self.arrays();
+        centre.into_iter().try_for_each(|array| array.try_reserve_exact(count).map_err(failed))?;
+        sides.into_iter().try_for_each(|array| array.try_reserve_exact(count).map_err(failed))
+    }
+
+    /// Gives back room that is not used.
+    fn shrink(&mut self) {
+        let (centre, sides) = self.arrays();
+        centre.into_iter().for_each(Vec::shrink_to_fit);
+        sides.into_iter().for_each(Vec::shrink_to_fit);
+    }
+
+    fn extend(&mut self, isa: Isa, from: [&[i32]; 2], from_sides: [&[i32]; 4], shift: u8) {
+        let (centre, sides) = self.arrays();
+        centre.into_iter().zip(from).for_each(|(array, from)| array.extend_from_slice(from));
+        for (array, from) in sides.into_iter().zip(from_sides) {
             let first = array.len();
-            array.resize(first + side.len(), 0);
-            super::reach::narrow(isa, side, shift, &mut array[first..]);
+            array.resize(first + from.len(), 0);
+            super::reach::narrow(isa, from, shift, &mut array[first..]);
         }
     }
 
     fn pad(&mut self, count: usize) {
-        let Self { x, y, along, down } = self;
-        for array in [x, y] {
-            array.extend(std::iter::repeat_n(0, count));
-        }
-        along.iter_mut().chain(down).for_each(|array| array.extend(std::iter::repeat_n(0, count)));
+        let (centre, sides) = self.arrays();
+        centre.into_iter().for_each(|array| array.extend(std::iter::repeat_n(0, count)));
+        sides.into_iter().for_each(|array| array.extend(std::iter::repeat_n(0, count)));
     }
 }

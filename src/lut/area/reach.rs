@@ -35,21 +35,17 @@ impl Lattice {
     }
 }
 
-/// For each footprint of a run the outermost entries that it touches, 1/1024 entry, not yet kept inside the level.
+/// Which entries the probes of a run of footprints touch.
 pub(super) struct Reach {
-    left: Vec<i32>,
-    right: Vec<i32>,
-    top: Vec<i32>,
-    bottom: Vec<i32>,
+    /// For each block of footprints: left, right, top and bottom, 1/1024 entry, not yet kept inside the level.
+    blocks: Vec<[i32; 4]>,
     clipped: Vec<u8>,
     last: [i32; 2],
 }
 
 impl Reach {
     pub(super) fn new(columns: usize) -> Self {
-        let none = || vec![0; columns];
-        let (left, right, top, bottom) = (none(), none(), none(), none());
-        Self { left, right, top, bottom, clipped: vec![0; columns], last: [0; 2] }
+        Self { blocks: vec![[0; 4]; columns.div_ceil(BLOCK)], clipped: vec![0; columns], last: [0; 2] }
     }
 
     /// By how many bits the sides of footprints must be shifted to fit 16.
@@ -64,10 +60,10 @@ impl Reach {
         self.last = lattice.last;
         let sides = [&cells.along[0], &cells.along[1], &cells.down[0], &cells.down[1]].map(|side| &side[range.clone()]);
         let centre = [&cells.x[range.clone()], &cells.y[range]];
-        let Self { left, right, top, bottom, clipped, .. } = self;
-        let bounds = [&mut left[..count], &mut right[..count], &mut top[..count], &mut bottom[..count]];
-        bounds_of_cells(isa, lattice, centre, sides, bounds, &mut clipped[..count]);
-        any_set(isa, &clipped[..count])
+        let blocks = &mut self.blocks[..count.div_ceil(BLOCK)];
+        bounds_of_blocks(isa, lattice, centre, sides, blocks, &mut self.clipped[..count]);
+        let [last_x, last_y] = lattice.last;
+        blocks.iter().any(|&[left, right, top, bottom]| left < 0 || top < 0 || right >= last_x || bottom >= last_y)
     }
 
     /// For each footprint of those that were read, 1 if a probe leaves the level.
@@ -77,47 +73,47 @@ impl Reach {
 
     /// Tells the entries that the first `count` footprints touch, block by block: columns and rows.
     pub(super) fn blocks(&self, count: usize, mut tell: impl FnMut(Range<u32>, Range<u32>)) {
-        for first in (0..count).step_by(BLOCK) {
-            let block = first..(first + BLOCK).min(count);
-            let entries = |low: &[i32], high: &[i32], last: i32| {
-                let low = low[block.clone()].iter().fold(i32::MAX, |low, &at| low.min(at));
-                let high = high[block.clone()].iter().fold(i32::MIN, |high, &at| high.max(at));
+        for &[left, right, top, bottom] in &self.blocks[..count.div_ceil(BLOCK)] {
+            let entries = |low: i32, high: i32, last: i32| {
                 (low.clamp(0, last) >> Q) as u32..(high.clamp(0, last) >> Q) as u32 + 2
             };
-            tell(entries(&self.left, &self.right, self.last[0]), entries(&self.top, &self.bottom, self.last[1]));
+            tell(entries(left, right, self.last[0]), entries(top, bottom, self.last[1]));
         }
     }
 }
 
-fn bounds_of_cells(
+fn bounds_of_blocks(
     isa: Isa,
     lattice: &Lattice,
     centre: [&[i32]; 2],
     sides: [&[i16]; 4],
-    bounds: [&mut [i32]; 4],
+    blocks: &mut [[i32; 4]],
     clipped: &mut [u8],
 ) {
     #[inline(always)]
-    fn body(lattice: &Lattice, centre: [&[i32]; 2], sides: [&[i16]; 4], bounds: [&mut [i32]; 4], clipped: &mut [u8]) {
+    fn body(lattice: &Lattice, centre: [&[i32]; 2], sides: [&[i16]; 4], blocks: &mut [[i32; 4]], clipped: &mut [u8]) {
         let Lattice { shift, outermost: [along, down], corner, last, row_step } = *lattice;
         let cells = clipped.len();
         let ([x, y], [ax, ay, bx, by]) = (centre.map(|axis| &axis[..cells]), sides.map(|side| &side[..cells]));
-        let [left, right, top, bottom] = bounds.map(|bound| &mut bound[..cells]);
-        for i in 0..cells {
-            let far = |a: i16, b: i16| {
-                ((i32::from(a).abs() * along + i32::from(b).abs() * down) >> (14 - u32::from(shift))) + 1
-            };
-            let (middle_x, far_x) = (x[i] - corner[0], far(ax[i], bx[i]));
-            let (middle_y, far_y) = (y[i] - corner[1], far(ay[i], by[i]));
-            left[i] = middle_x - far_x;
-            right[i] = middle_x + far_x;
-            top[i] = (middle_y - far_y) >> row_step;
-            bottom[i] = (middle_y + far_y) >> row_step;
-            clipped[i] = u8::from((left[i] < 0) | (top[i] < 0) | (right[i] >= last[0]) | (bottom[i] >= last[1]));
+        for (index, block) in blocks.iter_mut().enumerate() {
+            let [mut left, mut right, mut top, mut bottom] = [i32::MAX, i32::MIN, i32::MAX, i32::MIN];
+            for i in index * BLOCK..(index * BLOCK + BLOCK).min(cells) {
+                let far = |a: i16, b: i16| {
+                    ((i32::from(a).abs() * along + i32::from(b).abs() * down) >> (14 - u32::from(shift))) + 1
+                };
+                let (middle_x, far_x) = (x[i] - corner[0], far(ax[i], bx[i]));
+                let (middle_y, far_y) = (y[i] - corner[1], far(ay[i], by[i]));
+                let (low_x, high_x) = (middle_x - far_x, middle_x + far_x);
+                let (low_y, high_y) = ((middle_y - far_y) >> row_step, (middle_y + far_y) >> row_step);
+                clipped[i] = u8::from((low_x < 0) | (low_y < 0) | (high_x >= last[0]) | (high_y >= last[1]));
+                (left, right) = (left.min(low_x), right.max(high_x));
+                (top, bottom) = (top.min(low_y), bottom.max(high_y));
+            }
+            *block = [left, right, top, bottom];
         }
     }
     for_each_isa!(isa, (body, body, body)(
-        lattice: &Lattice, centre: [&[i32]; 2], sides: [&[i16]; 4], bounds: [&mut [i32]; 4], clipped: &mut [u8]
+        lattice: &Lattice, centre: [&[i32]; 2], sides: [&[i16]; 4], blocks: &mut [[i32; 4]], clipped: &mut [u8]
     ));
 }
 
@@ -147,19 +143,4 @@ fn any_bits(isa: Isa, numbers: &[i32]) -> u32 {
     let into = &mut bits;
     for_each_isa!(isa, (body, body, body)(numbers: &[i32], into: &mut u32));
     bits
-}
-
-fn any_set(isa: Isa, flags: &[u8]) -> bool {
-    #[inline(always)]
-    fn body(flags: &[u8], any: &mut u8) {
-        let mut all = 0;
-        for &flag in flags {
-            all |= flag;
-        }
-        *any = all;
-    }
-    let mut any = 0;
-    let into = &mut any;
-    for_each_isa!(isa, (body, body, body)(flags: &[u8], into: &mut u8));
-    any != 0
 }

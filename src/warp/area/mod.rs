@@ -163,15 +163,27 @@ impl<T: Bilinear> Job<'_, T> {
             let count = if left < ROOM { left } else { BATCH };
             let values;
             (values, rest) = rest.split_at_mut(count * channels);
-            let (probe, sums) = (&mut scratch.probe[..values.len()], &mut scratch.sums[..values.len()]);
+            let samples = count.max(PADDING) * channels;
+            let (probe, sums) = (&mut scratch.probe[..samples], &mut scratch.sums[..values.len()]);
             for (index, at) in lattice_of(piece.shape).enumerate() {
                 lattice.taps(self.isa, at, footprints, first, &mut scratch.taps[..count.next_multiple_of(PADDING)]);
-                let taps = &scratch.taps[..count];
-                if index == 0 {
+                if count < PADDING {
+                    // kernels have no vectors for a few cells: the last is probed more than once
+                    let last = scratch.taps[count - 1];
+                    scratch.taps[count..PADDING].fill(last);
+                }
+                let taps = &scratch.taps[..count.max(PADDING)];
+                if index == 0 && count >= PADDING {
                     kernel(&level, taps, values);
-                    sums.fill(T::Sum::default());
                 } else {
                     kernel(&level, taps, probe);
+                }
+                if index == 0 {
+                    if count < PADDING {
+                        values.copy_from_slice(&probe[..values.len()]);
+                    }
+                    sums.fill(T::Sum::default());
+                } else {
                     T::add(self.isa, values, probe, sums);
                 }
             }
