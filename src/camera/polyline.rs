@@ -11,11 +11,8 @@ use crate::ground::Ground;
 /// and at three places between, so nothing that is wider than a quarter of it is overlooked.
 const PART: f64 = 0.2;
 
-/// A line on a height map is asked again after so many spacings of its nodes.
-const SPACINGS: f64 = 0.5;
-
-/// Parts that one line may have.
-const MOST_PARTS: f64 = 1e5;
+/// Parts of a line on a height map for each row and column of nodes that it crosses.
+const PARTS_A_NODE: f64 = 2.0;
 
 impl Camera {
     /// The image of a polyline of the vehicle frame, cut and clipped: pieces inside the rectangle of pixel centres grown
@@ -53,20 +50,25 @@ impl Camera {
         check_tracing(margin, tolerance)?;
         let mut tracer = Tracer::new(self.image_size(), margin, tolerance);
         let eye = self.position();
-        let step = map.spacing().0.abs().min(map.spacing().1.abs()) * SPACINGS;
         for ends in points.windows(2) {
             let [start, end] = [ends[0], ends[1]];
-            let length = (end[0] - start[0]).hypot(end[1] - start[1]);
-            if !length.is_finite() {
+            let Some(over) = map.over(start, end) else {
                 tracer.cut();
                 continue;
+            };
+            if over.first > 0.0 {
+                tracer.cut();
             }
-            let parts = (length / step).ceil().clamp(1.0, MOST_PARTS) as usize;
+            let parts = (over.nodes * PARTS_A_NODE).ceil().max(1.0) as usize;
             tracer.curve(parts, &|t| {
+                let t = between(over.first, over.last, t);
                 let point = lift([0, 1].map(|axis| between(start[axis], end[axis], t)));
                 let pixel = self.project(&point).pixel;
                 (!pixel[0].is_nan() && !map.hides(&eye, &point)).then_some(pixel)
             });
+            if over.last < 1.0 {
+                tracer.cut();
+            }
         }
         Ok(tracer.finish())
     }

@@ -28,7 +28,32 @@ struct Crossing {
     c: f64,
 }
 
+/// The part of a line that lies over a map.
+pub(crate) struct Over {
+    /// From where to where, in parts of the line.
+    pub(crate) first: f64,
+    pub(crate) last: f64,
+    /// Rows and columns of nodes that it crosses there.
+    pub(crate) nodes: f64,
+}
+
 impl HeightMap {
+    /// The part of the line from one (x, y) to another that lies over the map; `None` if none does, or a coordinate is
+    /// not finite.
+    pub(crate) fn over(&self, from: [f64; 2], to: [f64; 2]) -> Option<Over> {
+        let ((x0, y0), (dx, dy)) = (self.origin(), self.spacing());
+        let (u, v) = ((from[0] - x0) / dx, (from[1] - y0) / dy);
+        let (du, dv) = ((to[0] - from[0]) / dx, (to[1] - from[1]) / dy);
+        if !(u + v + du + dv).is_finite() {
+            return None;
+        }
+        let mut way = (0.0, 1.0);
+        clip(&mut way, u, du, (0.0, (self.rows() - 1) as f64));
+        clip(&mut way, v, dv, (0.0, (self.columns() - 1) as f64));
+        let nodes = (way.1 - way.0) * (du.abs() + dv.abs());
+        (way.0 <= way.1).then_some(Over { first: way.0, last: way.1, nodes })
+    }
+
     /// Where the ray from `origin` along `direction` first meets the road; `None` where it never does, and where it has
     /// passed to the road's other side over ground that is not known.
     pub(super) fn intersect(&self, origin: &Vector3<f64>, direction: &Vector3<f64>) -> Option<Vector3<f64>> {
@@ -112,7 +137,8 @@ impl HeightMap {
                 let to_column = way_out(block_j, v0, dv, level);
                 let next = to_row.min(to_column).min(end).max(t);
                 let lowest = (origin.z + direction.z * t).min(origin.z + direction.z * next);
-                if lowest <= peaks.highest(level, i, j) {
+                // touching is meeting, see `first_root`
+                if lowest <= peaks.highest(level, i, j) + ROUNDING {
                     level -= 1;
                     continue;
                 }

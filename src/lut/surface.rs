@@ -61,7 +61,9 @@ impl<'a> Surface<'a> {
 
 #[cfg(test)]
 mod tests {
-    use crate::camera::{KannalaBrandt, Lens, Pinhole};
+    use super::Surface;
+    use crate::camera::{BrownConrady, KannalaBrandt, Lens, Pinhole};
+    use crate::cpu::Isa;
     use crate::{BevGrid, Camera, Ground, HeightMap, Lut, Plane, SampleAt};
 
     fn camera() -> Camera {
@@ -101,6 +103,32 @@ mod tests {
         let bent: Lens = KannalaBrandt::new(&[0.02, -0.004, 0.0, 0.0], None).unwrap().into();
         for lens in [None, Some(bent)] {
             check_cells(&camera().with_lens(lens));
+        }
+    }
+
+    #[test]
+    fn every_instruction_set_gives_the_same_bits() {
+        let ground = map(|x, y| 0.6 * (x * 0.4).sin() + 0.1 * (y * 1.3).cos());
+        let Ground::HeightMap(heights) = &ground else { unreachable!("made of heights") };
+        let ys: Vec<f64> = (0..80).map(|column| grid().y_of_column(f64::from(column))).collect();
+        let bent = |lens: Lens| camera().with_lens(lens);
+        let cameras = [
+            camera(),
+            bent(KannalaBrandt::new(&[0.02, -0.004, 0.0, 0.0], None).unwrap().into()),
+            bent(BrownConrady::new(&[-0.1, 0.02, 1e-3, -1e-3, 1e-3], None).unwrap().into()),
+        ];
+        for camera in &cameras {
+            let surface = Surface::new(camera, heights, &ys);
+            for row in (0..160).step_by(7) {
+                let filled = |isa| {
+                    let (mut us, mut vs) = (vec![0.0; 80], vec![0.0; 80]);
+                    surface.fill(isa, grid().x_of_row(f64::from(row)), &mut us, &mut vs);
+                    us.into_iter().chain(vs).map(f64::to_bits).collect::<Vec<_>>()
+                };
+                for &isa in Isa::available() {
+                    assert_eq!(filled(isa), filled(Isa::Scalar), "{isa:?}");
+                }
+            }
         }
     }
 

@@ -190,6 +190,29 @@ def test_polylines_that_are_refused(seed_camera, arguments, error, named):
         seed_camera.project_polyline(**({"points": [[8.0, 0.0, 0.0], [9.0, 0.0, 0.0]]} | arguments))
 
 
+ANY = st.one_of(number(-60, 60), st.floats(), st.sampled_from([0.0, 1e300, -1e-300, 2.0, 1.1]))
+
+
+@given(
+    st.lists(st.tuples(ANY, ANY, ANY), max_size=6),
+    st.sampled_from(["pinhole", "fisheye"]),
+    st.sampled_from([0.0, SLOPE, ipm_rs.HeightMap([[0, 1], [0.5, NAN], [0, 0]], origin=(3, -9), spacing=(4, 20))]),
+    st.booleans(),
+)
+def test_whatever_the_vertices_pieces_are_finite_and_inside(vertices, kind, ground, closed):
+    """No panic, no endless subdivision: vertices at infinity, at the camera, in its plane, all in one place."""
+    camera = fisheye() if kind == "fisheye" else level()
+    vertices = np.reshape(vertices, (-1, 3))
+    for pieces in (
+        camera.project_polyline(vertices, closed=closed),
+        camera.project_polyline(vertices[:, :2], ground=ground, closed=closed),
+    ):
+        assert sum(map(len, pieces)) < 3000
+        for piece in pieces:
+            assert len(piece) >= 2 and np.isfinite(piece).all()
+            assert (piece >= 0).all() and (piece <= np.array(camera.image_size) - 1).all()
+
+
 # ---------------------------------------------------------------------------------------------------------------------
 # The horizon
 
