@@ -157,6 +157,10 @@ impl Pages {
         self.try_all(&Job::<T>::bilinear(), size, channels, random);
     }
 
+    fn area<T: Bilinear + Number>(&mut self, size: (usize, usize), channels: usize, random: &mut Random) {
+        self.try_all(&Job::<T>::area(), size, channels, random);
+    }
+
     fn nearest<T: Number>(&mut self, size: (usize, usize), channels: usize, random: &mut Random) {
         self.try_all(&Job::<T>::nearest(), size, channels, random);
     }
@@ -175,6 +179,7 @@ fn no_byte_outside_the_image_or_the_output() {
             pages.bilinear::<u16>(size, channels, &mut random);
             pages.bilinear::<f32>(size, channels, &mut random);
             pages.nearest::<u8>(size, channels, &mut random);
+            pages.area::<u8>(size, channels, &mut random);
         }
         for channels in [1, 2, 3, 4] {
             pages.nearest::<u16>(size, channels, &mut random);

@@ -26,20 +26,27 @@ fn bilinear<T: Bilinear + Number>(lut: &Lut, rows: Rows, channels: usize, what: 
     compare(&Job::<T>::bilinear(), lut, rows, channels, what, random);
 }
 
+fn area<T: Bilinear + Number>(lut: &Lut, rows: Rows, channels: usize, what: &str, random: &mut Random) {
+    compare(&Job::<T>::area(), lut, rows, channels, what, random);
+}
+
 fn nearest<T: Number>(lut: &Lut, rows: Rows, channels: usize, what: &str, random: &mut Random) {
     compare(&Job::<T>::nearest(), lut, rows, channels, what, random);
 }
 
 const CHANNELS: [usize; 7] = [1, 2, 3, 4, 5, 6, 16];
 
-/// Every dtype and channel count, bilinear and nearest.
+/// Every dtype and channel count, bilinear, area and nearest.
 fn everything(lut: &Lut, rows: Rows, what: &str, random: &mut Random) {
     for channels in CHANNELS {
         bilinear::<u8>(lut, rows, channels, what, random);
         bilinear::<u16>(lut, rows, channels, what, random);
         bilinear::<f32>(lut, rows, channels, what, random);
+        area::<u8>(lut, rows, channels, what, random);
         nearest::<u8>(lut, rows, channels, what, random);
     }
+    area::<u16>(lut, rows, 3, what, random);
+    area::<f32>(lut, rows, 3, what, random);
     // pixels of 2, 4, 6, 8, 12 and 16 bytes in the samples in which they come; those of 1 and 3 are above
     nearest::<u16>(lut, rows, 1, what, random);
     nearest::<u16>(lut, rows, 3, what, random);
@@ -100,7 +107,14 @@ fn the_seed_job() {
     let mut random = Random::new(4);
     let camera = seed_camera().resized(1024, 512).unwrap();
     let lut = Lut::new(&camera, &seed_grid((0.2, 0.05)), &Ground::default()).unwrap();
+    let coarse = Lut::new(&camera, &seed_grid((0.5, 0.2)), &Ground::default()).unwrap();
     for channels in [1, 3, 4] {
+        for (lut, what) in [(&lut, "seed"), (&coarse, "coarse seed")] {
+            area::<u8>(lut, Rows::Contiguous, channels, what, &mut random);
+            area::<u8>(lut, Rows::Padded(67), channels, what, &mut random);
+            area::<u16>(lut, Rows::Contiguous, channels, what, &mut random);
+            area::<f32>(lut, Rows::Contiguous, channels, what, &mut random);
+        }
         bilinear::<u8>(&lut, Rows::Contiguous, channels, "seed", &mut random);
         bilinear::<u8>(&lut, Rows::Padded(67), channels, "seed", &mut random);
         bilinear::<u16>(&lut, Rows::Contiguous, channels, "seed", &mut random);

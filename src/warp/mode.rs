@@ -136,7 +136,8 @@ impl<T: Sample + Ord> Job<'_, T> {
 
     /// Replaces the nearest pixel of a cell by the majority of its footprint, if that is larger than a pixel.
     fn cell(&self, centre: [i32; 2], [ax, ay, bx, by]: [i32; 4], values: &mut [T], votes: &mut Votes) {
-        let looks = |x: i32, y: i32| (x.abs().max(y.abs()) >> Q).saturating_add(1).min(MAX_LOOKS) as u8;
+        let looks =
+            |x: i32, y: i32| ((x.abs().max(y.abs()).saturating_add((1 << Q) - 1)) >> Q).clamp(1, MAX_LOOKS) as u8;
         let (along, down) = (looks(ax, ay), looks(bx, by));
         if along.max(down) == 1 {
             return;

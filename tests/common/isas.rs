@@ -229,6 +229,10 @@ impl<T: ipm_rs::Bilinear> Job<T> {
     pub(crate) fn bilinear() -> Self {
         Self { warp: Lut::warp_into, interpolation: Interpolation::Bilinear }
     }
+
+    pub(crate) fn area() -> Self {
+        Self { warp: Lut::warp_into, interpolation: Interpolation::Area }
+    }
 }
 
 impl<T: Sample> Job<T> {

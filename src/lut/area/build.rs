@@ -212,3 +212,21 @@ impl Cells {
         sides.into_iter().for_each(|array| array.extend(std::iter::repeat_n(0, count)));
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{BevGrid, Camera, Ground, Lut, Pinhole, SampleAt};
+
+    #[test]
+    fn plans_do_not_depend_on_the_instruction_set() {
+        let lens = Pinhole::new(1100.0, 1100.0, 511.0, 255.0, 0.0).expect("a good lens");
+        let camera = Camera::from_euler(lens, (1024, 512), [1.7, 0.0, 1.2], 0.1, 0.05, 0.6).expect("a good camera");
+        let grid = BevGrid::new((4.0, 30.0), (-2.0, 18.0), (0.2, 0.1), SampleAt::Center).expect("a good grid");
+        let lut = Lut::new(&camera, &grid, &Ground::default()).expect("a good table");
+        let plans: Vec<_> = Isa::available().iter().map(|&isa| Plan::new(isa, lut.table()).expect("a plan")).collect();
+        let text = format!("{:?}", plans[0]);
+        assert!(plans[0].levels.len() > 3 && plans[0].bands.iter().any(|band| band.pieces.len() > 100));
+        assert!(plans.iter().all(|plan| format!("{plan:?}") == text));
+    }
+}

@@ -126,8 +126,8 @@ fn fixed(whole: i32, fraction: u32) -> i32 {
 fn unpack(isa: Isa, taps: &[Tap], width: u32, xs: &mut [i32], ys: &mut [i32]) {
     #[inline(always)]
     fn body(taps: &[Tap], width: u32, xs: &mut [i32], ys: &mut [i32]) {
-        /// Added to a float64, it leaves the nearest whole number in the low bits.
-        const WHOLE: f64 = (1u64 << 52) as f64;
+        /// Added to a float64, it leaves the nearest whole number in the low bits, also of one that is just below 0.
+        const WHOLE: f64 = 1.5 * (1u64 << 52) as f64;
         let cells = taps.len();
         let (xs, ys) = (&mut xs[..cells], &mut ys[..cells]);
         let inverse_width = 1.0 / f64::from(width);

@@ -1,0 +1,222 @@
+//! Area: means of footprints, and what must hold of them whatever the table.
+
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on should say so")]
+
+mod common;
+
+use common::{image, seed_camera, seed_grid, textured};
+use ipm_rs::{Error, Ground, ImageView, ImageViewMut, Interpolation, Lut, Sample, WarpOptions};
+
+const SIZE: (usize, usize) = (512, 256);
+
+fn area<T: Sample>() -> WarpOptions<T> {
+    WarpOptions { interpolation: Interpolation::Area, ..WarpOptions::default() }
+}
+
+/// The seed job in cells of many pixels, of a smaller image.
+fn coarse() -> Lut {
+    let camera = seed_camera().resized(SIZE.0 as u32, SIZE.1 as u32).unwrap();
+    Lut::new(&camera, &seed_grid((0.5, 0.5)), &Ground::default()).unwrap()
+}
+
+/// An affine table: cell (row, column) samples at `from + column * along + row * down`.
+fn affine(rows: usize, columns: usize, from: [f64; 2], along: [f64; 2], down: [f64; 2], source: (u32, u32)) -> Lut {
+    let map = |axis: usize| -> Vec<f64> {
+        let at = |row: usize, column: usize| from[axis] + column as f64 * along[axis] + row as f64 * down[axis];
+        (0..rows).flat_map(|row| (0..columns).map(move |column| at(row, column))).collect()
+    };
+    Lut::from_maps(&map(0), &map(1), columns, source).unwrap()
+}
+
+#[test]
+fn a_constant_image_stays_constant_to_the_last_bit() {
+    let lut = coarse();
+    let mask = lut.mask();
+    for value in 0..=255u8 {
+        let pixels = vec![value; SIZE.0 * SIZE.1];
+        let got = lut.warp(&image(&pixels, SIZE.0, SIZE.1, 1), &area()).unwrap();
+        assert!(got.iter().zip(&mask).all(|(&got, &valid)| !valid || got == value), "{value}");
+        let wide = vec![u16::from(value) * 257; SIZE.0 * SIZE.1];
+        let got = lut.warp(&ImageView::new(&wide, SIZE, 1).unwrap(), &area()).unwrap();
+        assert!(got.iter().zip(&mask).all(|(&got, &valid)| !valid || got == wide[0]), "{value}");
+        let real = vec![f32::from(value) * 0.1 + 1e-3; SIZE.0 * SIZE.1];
+        let got = lut.warp(&ImageView::new(&real, SIZE, 1).unwrap(), &area()).unwrap();
+        assert!(got.iter().zip(&mask).all(|(&got, &valid)| !valid || got == real[0]), "{value}");
+    }
+}
+
+#[test]
+fn a_ramp_stays_a_ramp() {
+    for (along, down) in
+        [([9.0, 0.0], [0.0, 7.0]), ([13.0, 4.0], [-6.0, 5.0]), ([3.0, 2.0], [1.5, -2.5]), ([21.0, 0.4], [-17.0, 2.6])]
+    {
+        let lut = affine(
+            12,
+            12,
+            [256.0 - 5.5 * (along[0] + down[0]), 128.0 - 5.5 * (along[1] + down[1])],
+            along,
+            down,
+            (512, 256),
+        );
+        for (slope_x, slope_y) in [(0.3, 0.1), (0.05, 0.6), (0.25, 0.25), (0.4, 0.0)] {
+            let exact = |x: f64, y: f64| 20.0 + slope_x * x + slope_y * y;
+            let pixels: Vec<u8> = (0..SIZE.0 * SIZE.1)
+                .map(|at| exact((at % SIZE.0) as f64, (at / SIZE.0) as f64).round() as u8)
+                .collect();
+            let got = lut.warp(&image(&pixels, SIZE.0, SIZE.1, 1), &area()).unwrap();
+            let (xs, ys) = lut.maps(f32::NAN);
+            for (cell, &value) in got.iter().enumerate() {
+                let expected = exact(f64::from(xs[cell]), f64::from(ys[cell]));
+                let reach = |axis: usize| (along[axis].abs() + down[axis].abs()) / 2.0 + 2.0;
+                let inside =
+                    |at: f32, reach: f64, size: usize| f64::from(at) > reach && f64::from(at) < size as f64 - reach;
+                if inside(xs[cell], reach(0), SIZE.0) && inside(ys[cell], reach(1), SIZE.1) {
+                    assert!(
+                        (f64::from(value) - expected).abs() <= 1.0 + 0.5,
+                        "{along:?} {down:?}: {value} for {expected}"
+                    );
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn footprints_are_means_of_what_they_cover() {
+    let data = textured(SIZE.0 * SIZE.1);
+    let view = image(&data, SIZE.0, SIZE.1, 1);
+    // whole boxes of pixels: exact but for the fractions at their edges
+    let (mut worst, mut cells): (f64, usize) = (0.0, 0);
+    for (width, height) in [(8usize, 8usize), (16, 4), (12, 3), (32, 16), (64, 2)] {
+        let (w, h) = (width as f64, height as f64);
+        let (columns, rows) = (SIZE.0 / width, SIZE.1 / height);
+        let lut = affine(rows, columns, [w / 2.0 - 0.5, h / 2.0 - 0.5], [w, 0.0], [0.0, h], (512, 256));
+        let got = lut.warp(&view, &area()).unwrap();
+        for row in 1..rows - 1 {
+            for column in 1..columns - 1 {
+                let pixels = (0..width * height).map(|at| (column * width + at % width, row * height + at / width));
+                let sum: f64 = pixels.map(|(x, y)| f64::from(view.pixel(x, y)[0])).sum();
+                worst = worst.max((f64::from(got[row * columns + column]) - sum / (w * h)).abs());
+                cells += 1;
+            }
+        }
+    }
+    // noise of 74 grey levels: a mean of 64 pixels that took a quarter of them from beside the box would be off by 9
+    assert!(cells > 2000 && worst < 18.0, "{worst} of {cells}");
+}
+
+#[test]
+fn mass_is_conserved() {
+    let data = textured(SIZE.0 * SIZE.1);
+    let view = image(&data, SIZE.0, SIZE.1, 1);
+    for (along, down) in
+        [([4.0, 0.0], [0.0, 4.0]), ([10.0, 0.0], [0.0, 5.0]), ([16.0, 0.0], [0.0, 2.0]), ([5.0, 1.0], [-2.0, 6.0])]
+    {
+        let det: f64 = along[0] * down[1] - along[1] * down[0];
+        let lut = affine(
+            120,
+            120,
+            [256.0 - 59.5 * (along[0] + down[0]), 128.0 - 59.5 * (along[1] + down[1])],
+            along,
+            down,
+            (512, 256),
+        );
+        let got = lut.warp(&view, &area()).unwrap();
+        let mask = lut.mask();
+        let sum: f64 = got.iter().zip(&mask).filter(|&(_, &valid)| valid).map(|(&value, _)| f64::from(value)).sum();
+        let cells = mask.iter().filter(|&&valid| valid).count() as f64;
+        let mean = data.iter().map(|&value| f64::from(value)).sum::<f64>() / data.len() as f64;
+        assert!((sum / cells / mean - 1.0).abs() < 0.005, "{along:?} {down:?} of {det}: {} for {mean}", sum / cells);
+    }
+}
+
+#[test]
+fn cells_no_larger_than_a_pixel_are_bilinear() {
+    let data = textured(SIZE.0 * SIZE.1 * 3);
+    let view = image(&data, SIZE.0, SIZE.1, 3);
+    let lut = affine(100, 300, [3.2, 4.7], [0.9, 0.3], [-0.2, 1.0], (512, 256));
+    assert_eq!(lut.warp(&view, &area()).unwrap(), lut.warp(&view, &WarpOptions::default()).unwrap());
+}
+
+#[test]
+fn a_footprint_that_leaves_the_image_is_the_mean_of_the_rest() {
+    // the left half is 10, the right one 200; cells of 40 x 40 pixels whose middles are on the image's edge
+    let pixels: Vec<u8> = (0..64 * 64).map(|at| if at % 64 < 32 { 10 } else { 200 }).collect();
+    let view = image(&pixels, 64, 64, 1);
+    let lut = Lut::from_maps(&[2.0, 61.0, 2.0, 61.0], &[2.0, 2.0, 61.0, 61.0], 2, (64, 64)).unwrap();
+    let options = WarpOptions { border_value: vec![99], ..area() };
+    let got = lut.warp(&view, &options).unwrap();
+    assert!(got.iter().zip([10, 200, 10, 200]).all(|(&got, expected)| u8::abs_diff(got, expected) <= 25), "{got:?}");
+    assert!(!got.contains(&99));
+}
+
+#[test]
+fn threads_strides_and_repetition_change_nothing() {
+    let data = textured(SIZE.0 * SIZE.1 * 3);
+    let view = image(&data, SIZE.0, SIZE.1, 3);
+    let lut = coarse();
+    let expected = lut.warp(&view, &WarpOptions { threads: Some(1), ..area() }).unwrap();
+    for threads in [2, 3, 8] {
+        assert_eq!(lut.warp(&view, &WarpOptions { threads: Some(threads), ..area() }).unwrap(), expected);
+        assert_eq!(coarse().warp(&view, &WarpOptions { threads: Some(threads), ..area() }).unwrap(), expected);
+    }
+    let (fresh, expected) = (&coarse(), &expected);
+    std::thread::scope(|scope| {
+        for _ in 0..4 {
+            scope.spawn(move || assert_eq!(&fresh.warp(&view, &area()).unwrap(), expected));
+        }
+    });
+}
+
+#[test]
+fn a_plan_is_no_part_of_what_a_table_is_but_of_its_size() {
+    let (one, other) = (coarse(), coarse());
+    let before = one.nbytes();
+    one.warp(&image(&vec![0; SIZE.0 * SIZE.1], SIZE.0, SIZE.1, 1), &area()).unwrap();
+    assert!(one.nbytes() > before && other.nbytes() == before);
+    assert!(one == other && one.to_bytes() == other.to_bytes());
+}
+
+#[test]
+fn sides_of_a_million_pixels_are_refused() {
+    let wide = Lut::from_maps(&[0.0], &[0.0], 1, (1 << 20, 2)).unwrap();
+    assert!(matches!(wide.sampling_density(), Err(Error::AreaSize { .. })));
+    let pixels = vec![0u8; 2 << 20];
+    let got = wide.warp(&ImageView::new(&pixels, (1 << 20, 2), 1).unwrap(), &area());
+    assert!(matches!(got, Err(Error::AreaSize { .. })));
+}
+
+#[test]
+fn density_is_the_length_of_the_sides() {
+    let lut = affine(20, 30, [40.0, 30.0], [3.0, 4.0], [-1.5, 2.0], (512, 256));
+    let density = lut.sampling_density().unwrap();
+    assert!(density.as_chunks::<2>().0.iter().all(|cell| (cell[0] - 2.5).abs() < 0.01 && (cell[1] - 5.0).abs() < 0.01));
+    assert!(lut.resolved_mask(2.4).unwrap().iter().all(|&seen| seen));
+    assert!(!lut.resolved_mask(2.6).unwrap().iter().any(|&seen| seen));
+}
+
+#[test]
+fn mode_is_the_majority_and_the_smallest_of_equals() {
+    let mut labels = vec![7i32; 64 * 64];
+    // cells of 8 x 8: the one at (1, 1) has 33 of id -4, the one at (2, 2) 32 of 3 and 32 of 7
+    let mut set = |cell: (usize, usize), count: usize, id: i32| {
+        (0..count).for_each(|at| labels[(cell.1 * 8 + at / 8) * 64 + cell.0 * 8 + at % 8] = id);
+    };
+    set((1, 1), 33, -4);
+    set((2, 2), 32, 3);
+    set((3, 3), 31, 900);
+    let lut = affine(8, 8, [3.5, 3.5], [8.0, 0.0], [0.0, 8.0], (64, 64));
+    let view = ImageView::new(&labels, (64, 64), 1).unwrap();
+    let mut got = vec![0; 64];
+    let mut out = ImageViewMut::new(&mut got, (8, 8), 1).unwrap();
+    lut.warp_many_mode_into(&[view], std::slice::from_mut(&mut out), &WarpOptions::default()).unwrap();
+    let mut expected = vec![7; 64];
+    (expected[9], expected[18]) = (-4, 3);
+    assert_eq!(got, expected);
+
+    let many: Vec<i32> = (0..64 * 64).map(|at| at % 257).collect();
+    let view = ImageView::new(&many, (64, 64), 1).unwrap();
+    let mut out = ImageViewMut::new(&mut got, (8, 8), 1).unwrap();
+    let refused = lut.warp_many_mode_into(&[view], std::slice::from_mut(&mut out), &WarpOptions::default());
+    assert_eq!(refused, Err(Error::TooManyIds { limit: 256 }));
+}
