@@ -817,13 +817,14 @@ class Camera:
             ArgumentError, ArgumentTypeError: the shape or the type is wrong.
         """
     def ground_from_pixels(
-        self, uv: ArrayLike, *, ground: float | Plane | HeightMap = 0.0
+        self, uv: ArrayLike, *, ground: float | Plane | HeightMap = 0.0, threads: int | None = None
     ) -> NDArray[np.float64]:
         """Pixels to the road points that they see.
 
         Args:
             uv: (N, 2) pixels, also outside the image.
             ground: the road: its height in metres, a `Plane` or a `HeightMap`.
+            threads: at most how many threads; the result does not depend on it.
 
         Returns:
             (N, 3) float64 in the vehicle frame, metres; NaN where the ray misses the road.

@@ -6,6 +6,7 @@ use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple, PyType};
 
+use super::camera_geometry::{each_projected, each_row};
 use super::cloud;
 use super::convert::{
     Floats, Reduced, float, floats, matrix_to_numpy, matrix3, matrix4, rebuilt_by_new, rows_to_numpy, size, whole,
@@ -16,7 +17,7 @@ use super::lens::{hash_lens, lens as lens_model, lens_to_python};
 use super::options::thread_count;
 use super::points::PointsArray;
 use crate::geometry::Pose;
-use crate::{Camera, Pinhole, Projection};
+use crate::{Camera, Pinhole};
 
 /// A calibrated camera: intrinsics, image size and pose.
 #[pyclass(frozen, eq, hash, module = "ipm_rs", name = "Camera")]
@@ -146,12 +147,7 @@ impl PyCamera {
         }
         let floats = Floats::new("points", "an (N, 2) array", points.array())?;
         let rows = floats.rows::<2>("points")?;
-        let projections: Vec<Projection> =
-            py.detach(|| rows.iter().map(|&row| self.camera.project_ground(row, &ground)).collect());
-        let uv = rows_to_numpy(py, projections.iter().map(|projection| projection.pixel).collect())?;
-        let depth = PyArray1::from_iter(py, projections.iter().map(|projection| projection.depth));
-        let valid = PyArray1::from_iter(py, projections.iter().map(|projection| projection.valid));
-        Ok((uv, depth, valid))
+        each_projected(py, threads, rows, |&row| self.camera.project_ground(row, &ground))
     }
 
     /// Pixels to unit directions in the vehicle frame; NaN outside the lens's domain.
@@ -165,20 +161,23 @@ impl PyCamera {
     }
 
     /// Pixels to road points; NaN where the ray misses the road.
-    #[pyo3(signature = (uv, *, ground = None), text_signature = "(self, uv, *, ground=0.0)")]
+    #[pyo3(
+        signature = (uv, *, ground = None, threads = None),
+        text_signature = "(self, uv, *, ground=0.0, threads=None)"
+    )]
     fn ground_from_pixels<'py>(
         &self,
         uv: &Bound<'py, PyAny>,
         ground: Option<&Bound<'py, PyAny>>,
+        threads: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let threads = threads.map(|threads| thread_count("threads", threads)).transpose()?;
         let ground = road(ground)?;
         let floats = Floats::new("uv", "an (N, 2) array", uv)?;
         let rows = floats.rows::<2>("uv")?;
-        let points = uv.py().detach(|| {
-            let point = |&pixel| self.camera.ground_from_pixel(pixel, &ground).map_or([f64::NAN; 3], Into::into);
-            rows.iter().map(point).collect()
-        });
-        rows_to_numpy(uv.py(), points)
+        each_row(uv.py(), threads, rows, |&pixel| {
+            self.camera.ground_from_pixel(pixel, &ground).map_or([f64::NAN; 3], Into::into)
+        })
     }
 
     /// The camera of the image resampled to width x height.

@@ -6,12 +6,14 @@ use pyo3::prelude::*;
 use pyo3::types::PyType;
 
 use super::camera::PyCamera;
+use super::cloud::Projected;
 use super::convert::{Floats, flag, float, floats, rows_to_numpy, size, type_name, whole};
 use super::error::classes::{ArgumentError, ArgumentTypeError};
 use super::ground::{only_ground, plane_of, road};
 use super::ground_points::bev_grid;
 use super::lens::lens as lens_model;
-use crate::{Binning, Camera, Pinhole, Projection};
+use crate::parallel::{self, num_threads};
+use crate::{Binning, Camera, Pinhole, Projection, RangeError};
 
 /// One pixel, in degrees of pitch that are as hard to keep.
 const DEFAULT_PITCH: f64 = 0.1;
@@ -95,23 +97,16 @@ impl PyCamera {
 
     /// Cells (row, column) to the pixels that a table samples for them, depth and validity.
     #[pyo3(signature = (rc, grid, *, ground = None), text_signature = "(self, rc, grid, *, ground=0.0)")]
-    #[expect(clippy::type_complexity, reason = "(uv, depth, valid)")]
     fn pixels_from_cells<'py>(
         &self,
         rc: &Bound<'py, PyAny>,
         grid: &Bound<'py, PyAny>,
         ground: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<bool>>)> {
-        let py = rc.py();
+    ) -> PyResult<Projected<'py>> {
         let (grid, ground) = (bev_grid(grid)?, road(ground)?);
         let floats = Floats::new("rc", "an (N, 2) array", rc)?;
         let rows = floats.rows::<2>("rc")?;
-        let projections: Vec<Projection> =
-            py.detach(|| rows.iter().map(|&cell| self.camera.project_cell(cell, &grid.grid, &ground)).collect());
-        let uv = rows_to_numpy(py, projections.iter().map(|projection| projection.pixel).collect())?;
-        let depth = PyArray1::from_iter(py, projections.iter().map(|projection| projection.depth));
-        let valid = PyArray1::from_iter(py, projections.iter().map(|projection| projection.valid));
-        Ok((uv, depth, valid))
+        each_projected(rc.py(), None, rows, |&cell| self.camera.project_cell(cell, &grid.grid, &ground))
     }
 
     /// Pixels to the cells (row, column) that show what they see; NaN where they see no road.
@@ -125,11 +120,9 @@ impl PyCamera {
         let (grid, ground) = (bev_grid(grid)?, road(ground)?);
         let floats = Floats::new("uv", "an (N, 2) array", uv)?;
         let rows = floats.rows::<2>("uv")?;
-        let cells = uv.py().detach(|| {
-            let cell = |&pixel| self.camera.cell_from_pixel(pixel, &grid.grid, &ground).unwrap_or([f64::NAN; 2]);
-            rows.iter().map(cell).collect()
-        });
-        rows_to_numpy(uv.py(), cells)
+        each_row(uv.py(), None, rows, |&pixel| {
+            self.camera.cell_from_pixel(pixel, &grid.grid, &ground).unwrap_or([f64::NAN; 2])
+        })
     }
 
     /// A polyline of the vehicle frame, or of the road, as pieces in the image.
@@ -192,7 +185,8 @@ impl PyCamera {
         let ground = road(ground)?;
         let floats = Floats::new("uv", "an (N, 2) array", uv)?;
         let rows = floats.rows::<2>("uv")?;
-        let ranges = uv.py().detach(|| rows.iter().map(|&pixel| self.camera.ground_range(pixel, &ground)).collect());
+        let range = |&pixel: &_| self.camera.ground_range(pixel, &ground);
+        let ranges = uv.py().detach(|| parallel::map(num_threads(), rows, 0.0, range));
         Ok(PyArray1::from_vec(uv.py(), ranges))
     }
 
@@ -238,8 +232,9 @@ impl PyCamera {
         let pitch = positive("pitch_deg", pitch_deg, DEFAULT_PITCH)?.to_radians();
         let floats = Floats::new("uv", "an (N, 2) array", uv)?;
         let rows = floats.rows::<2>("uv")?;
-        let errors: Vec<_> =
-            py.detach(|| rows.iter().map(|&uv| self.camera.range_error(uv, &ground, pixels, pitch)).collect());
+        let blank = RangeError { pixel: 0.0, pitch: 0.0 };
+        let error = |&uv: &_| self.camera.range_error(uv, &ground, pixels, pitch);
+        let errors = py.detach(|| parallel::map(num_threads(), rows, blank, error));
         let by_pixel = PyArray1::from_iter(py, errors.iter().map(|error| error.pixel));
         Ok((by_pixel, PyArray1::from_iter(py, errors.iter().map(|error| error.pitch))))
     }
@@ -247,6 +242,33 @@ impl PyCamera {
 
 /// Pixels that an image of a curve may be off.
 const TOLERANCE: f64 = 0.25;
+
+/// A row for each item, by several threads; `None` is as many as a call uses when it does not say.
+pub(super) fn each_row<'py, T: Sync, const K: usize>(
+    py: Python<'py>,
+    threads: Option<usize>,
+    items: &[T],
+    row: impl Fn(&T) -> [f64; K] + Sync + Send,
+) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    let threads = threads.unwrap_or_else(num_threads);
+    rows_to_numpy(py, py.detach(|| parallel::map(threads, items, [0.0; K], row)))
+}
+
+/// (uv, depth, valid) for each item, likewise.
+pub(super) fn each_projected<'py, T: Sync>(
+    py: Python<'py>,
+    threads: Option<usize>,
+    items: &[T],
+    project: impl Fn(&T) -> Projection + Sync + Send,
+) -> PyResult<Projected<'py>> {
+    let threads = threads.unwrap_or_else(num_threads);
+    let blank = Projection { pixel: [0.0; 2], depth: 0.0, valid: false };
+    let projections = py.detach(|| parallel::map(threads, items, blank, project));
+    let uv = rows_to_numpy(py, projections.iter().map(|projection| projection.pixel).collect())?;
+    let depth = PyArray1::from_iter(py, projections.iter().map(|projection| projection.depth));
+    let valid = PyArray1::from_iter(py, projections.iter().map(|projection| projection.valid));
+    Ok((uv, depth, valid))
+}
 
 /// The points, and the first again where they are closed.
 fn ring<const K: usize>(points: &[[f64; K]], closed: bool) -> Vec<[f64; K]> {

@@ -335,3 +335,23 @@ def test_other_grounds_are_refused(seed_camera, ground):
 def test_heights_that_are_not_finite_are_refused(seed_camera, ground):
     with refuses(errors.ArgumentError, "ground: expected a finite height"):
         ipm_rs.Lut(seed_camera, GRID, ground=ground)
+
+
+@pytest.mark.parametrize("count", [0, 1, 2048, 2049, 5000])
+def test_points_do_not_depend_on_threads(seed_camera, hills, count):
+    pixels = np.random.default_rng(4).uniform((0, 400), (2047, 1023), (count, 2))
+    for ground in (0.0, hills):
+        one = seed_camera.ground_from_pixels(pixels, ground=ground, threads=1)
+        assert one.shape == (count, 3)
+        for threads in (2, 3):
+            again = seed_camera.ground_from_pixels(pixels, ground=ground, threads=threads)
+            assert again.tobytes() == one.tobytes()
+        xy = np.nan_to_num(one[:, :2])
+        for ours, theirs in zip(
+            seed_camera.project(xy, ground=ground, threads=1),
+            seed_camera.project(xy, ground=ground, threads=3),
+            strict=True,
+        ):
+            assert ours.tobytes() == theirs.tobytes()
+    with refuses(errors.ArgumentError, "threads: expected a whole number"):
+        seed_camera.ground_from_pixels(pixels, threads=0)
