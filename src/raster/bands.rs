@@ -21,8 +21,8 @@ const CHUNK: usize = 8 * BLOCK;
 /// Bytes of sorted points at a time.
 const BATCH_BYTES: usize = 1 << 26;
 
-/// Most points at a time; more do not make it faster.
-const BATCH_CHUNKS: usize = 512;
+/// Most chunks at a time: what is sorted stays in the cache until it is added.
+const BATCH_CHUNKS: usize = 32;
 
 /// Most bands: many for each thread, so that they even out where the points crowd in a few rows.
 const MAX_BANDS: usize = 32;
@@ -93,19 +93,31 @@ impl<T: Real> Chunk<T> {
         }
         self.starts = next;
         let (mask, count) = ((1u32 << shift) - 1, read.keys.len());
-        self.sorted.keys.resize(count, 0);
+        let Columns { keys, values, heights } = &mut self.sorted;
+        keys.resize(count, 0);
+        if let ([from], [to], true) = (&read.values[..], &mut values[..], read.heights.is_empty()) {
+            // most calls: both at once
+            to.resize(count, T::NAN);
+            for (&key, &value) in read.keys.iter().zip(from) {
+                let next = &mut next[(key >> shift) as usize];
+                keys[*next as usize] = key & mask;
+                to[*next as usize] = value;
+                *next += 1;
+            }
+            return;
+        }
         places.resize(count, 0);
         for (&key, place) in read.keys.iter().zip(places.iter_mut()) {
             let next = &mut next[(key >> shift) as usize];
             *place = *next;
-            self.sorted.keys[*next as usize] = key & mask;
+            keys[*next as usize] = key & mask;
             *next += 1;
         }
-        for (from, to) in read.values.iter().zip(&mut self.sorted.values) {
+        for (from, to) in read.values.iter().zip(values) {
             spread(places, from, to, T::NAN);
         }
         if !read.heights.is_empty() {
-            spread(places, &read.heights, &mut self.sorted.heights, 0.0);
+            spread(places, &read.heights, heights, 0.0);
         }
     }
 
@@ -114,7 +126,7 @@ impl<T: Real> Chunk<T> {
         let (first, end) = (self.starts[band] as usize, self.starts[band + 1] as usize);
         let Columns { keys, values, heights } = &self.sorted;
         let heights = heights.get(first..end).unwrap_or_default();
-        cells.add(&keys[first..end], values.iter().map(|channel| &channel[first..end]), heights);
+        cells.add::<false>(&keys[first..end], values.iter().map(|channel| &channel[first..end]), heights);
     }
 }
 

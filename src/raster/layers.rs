@@ -176,15 +176,21 @@ impl<'a, T: Real, R: Record<T>> Cells<'a, T, R> {
     }
 
     /// Adds points in their order: their cells, their values channel by channel, their heights where they are needed.
+    /// `AHEAD`: the records are too many for the cache, and are asked for before they are needed.
     #[inline]
-    pub(super) fn add<'v>(&mut self, keys: &[u32], values: impl Iterator<Item = &'v [T]> + Clone, heights: &[f64]) {
+    pub(super) fn add<'v, const AHEAD: bool>(
+        &mut self,
+        keys: &[u32],
+        values: impl Iterator<Item = &'v [T]> + Clone,
+        heights: &[f64],
+    ) {
         let channels = self.channels;
         let Work { records, heights: greatest } = &mut self.work;
         for (channel, values) in values.clone().enumerate() {
             if channels == 1 {
-                const AHEAD: usize = 24;
+                const POINTS_AHEAD: usize = 64;
                 for (i, (&key, &value)) in keys.iter().zip(values).enumerate() {
-                    if let Some(&next) = keys.get(i + AHEAD) {
+                    if AHEAD && let Some(&next) = keys.get(i + POINTS_AHEAD) {
                         prefetch(records, next as usize);
                     }
                     records[key as usize].add(value);

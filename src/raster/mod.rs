@@ -235,7 +235,7 @@ fn whole<T: Real, R: Record<T>>(
     let count = source.points.rows();
     for first in (0..count).step_by(BLOCK) {
         census += block.read(source, finder, isa, first, BLOCK.min(count - first));
-        cells.add(&block.keys, block.values.iter().map(Vec::as_slice), &block.heights);
+        cells.add::<true>(&block.keys, block.values.iter().map(Vec::as_slice), &block.heights);
     }
     cells.finish(isa);
     Ok(census)
