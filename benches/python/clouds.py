@@ -1,4 +1,4 @@
-"""Depth images to points, points to pixels, points to what a camera sees: answers first, then times.
+"""Depth images to points, points to pixels, to what a camera sees, to a grid: answers first, then times.
 
 Each job has its calls by library; the answer of each is checked against float64 before anything is timed.
 """
@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import ipm_rs
+import rasters
 from adapters import OURS, installed
 from timing import interleaved
 
@@ -30,6 +31,7 @@ RENDER = f"z-buffer of a million points, {WIDTH} x {HEIGHT}"
 BOUNDS = {
     (BACK_PROJECT, "1"): 8.0,
     (PROJECT, "1"): 4.0,
+    (rasters.RASTERIZE, "1"): 4.0,
 }
 """What this version must reach: how many times faster than the fastest NumPy that gives the right answer."""
 
@@ -38,7 +40,8 @@ def measure(threads: int, rounds: int, seconds: float) -> dict[str, dict[str, An
     """Check and time every job."""
     ipm_rs.set_num_threads(threads)
     results = {}
-    for name, make in {BACK_PROJECT: _back_project, PROJECT: _project, RENDER: _render}.items():
+    jobs = {BACK_PROJECT: _back_project, PROJECT: _project, RENDER: _render, rasters.RASTERIZE: rasters.rasterize}
+    for name, make in jobs.items():
         calls, wrong = make()
         rows: dict[str, Any] = {}
         for library, call in calls.items():
