@@ -355,3 +355,35 @@ def test_points_do_not_depend_on_threads(seed_camera, hills, count):
             assert ours.tobytes() == theirs.tobytes()
     with refuses(errors.ArgumentError, "threads: expected a whole number"):
         seed_camera.ground_from_pixels(pixels, threads=0)
+
+
+def test_a_plane_fitted_to_real_laser_points_puts_pixels_on_the_road(shared_data):
+    """KITTI 000114: the road under the laser scanner is not quite level and not quite where the manual says."""
+    camera = ipm_rs.Camera.from_kitti(shared_data / "kitti" / "000114_calib.txt", image_size=(1242, 375))
+    scan = np.fromfile(shared_data / "kitti" / "000114.bin", np.float32).reshape(-1, 4)[:, :3].astype(float)
+    x, y, z = scan.T
+    near = scan[(x > 4) & (x < 30) & (np.abs(y) < 5) & (z < -1.4) & (z > -2.0)]
+    for _ in range(10):
+        columns = np.column_stack([np.ones(len(near)), near[:, :2]])
+        a, b, c = np.linalg.lstsq(columns, near[:, 2], rcond=None)[0]
+        near = near[np.abs(columns @ (a, b, c) - near[:, 2]) < 0.05]
+    plane = ipm_rs.Plane.from_coefficients(a, b, c)
+    assert -1.8 < a < -1.6 and len(near) > 3000
+    uv, _, valid = camera.project(near)
+    nominal, fitted = (
+        np.linalg.norm(camera.ground_from_pixels(uv[valid], ground=ground) - near[valid], axis=1)
+        for ground in (-1.73, plane)
+    )
+    assert np.median(fitted) < 0.15
+    assert np.median(fitted) < 0.4 * np.median(nominal)
+    # and the points that the plane is fitted to, as a height map of their own
+    grid = ipm_rs.BevGrid(x=(6, 12), y=(-3, 3), resolution=0.5)
+    heights = np.full(grid.shape, NAN)
+    for (row, column), height in zip(np.rint(grid.cell_from_ground(near[:, :2])).astype(int), near[:, 2], strict=True):
+        if 0 <= row < grid.shape[0] and 0 <= column < grid.shape[1]:
+            heights[row, column] = height
+    surface = ipm_rs.HeightMap.on_grid(heights, grid)
+    level = ipm_rs.Lut(camera, grid, ground=plane).maps()
+    uneven = ipm_rs.Lut(camera, grid, ground=surface).maps()
+    assert np.isfinite(uneven[0]).mean() > 0.5
+    assert np.nanmax(np.abs(np.subtract(uneven, level))) < 10, "5 cm of road are some pixels"
