@@ -7,7 +7,7 @@
 use std::ops::Range;
 
 use super::area::LazyPlan;
-use super::kernels::{Kinds, quantise, quantise_one};
+use super::kernels::{Kinds, quantise, quantise_one, zeroed};
 use super::tap::framed;
 pub(crate) use super::tap::{ONE, RunKind, Tap, unframed};
 use crate::cpu::Isa;
@@ -167,11 +167,14 @@ impl Table {
         isa: Isa,
         fill: impl Fn(usize, &mut [f64], &mut [f64]) + Sync,
     ) -> Result<Self> {
-        let mut table = Self::empty((rows, columns), source)?;
+        let mut table = Self::without_taps((rows, columns), source)?;
         let threads = if rows * columns < INLINE_CELLS { 1 } else { parallel::num_threads() };
         let band_rows = band_rows(columns);
-        let jobs = table.bands.iter_mut().zip(table.taps.chunks_mut(band_rows * columns)).enumerate();
-        parallel::for_each(threads, jobs, |(band, (runs, taps))| {
+        let room = &mut table.taps.spare_capacity_mut()[..rows * columns];
+        let jobs = table.bands.iter_mut().zip(room.chunks_mut(band_rows * columns)).enumerate();
+        parallel::for_each(threads, jobs, |(band, (runs, room))| {
+            // band by band, each while it is in the cache: all at once was a tenth of the time
+            let taps = zeroed(room);
             let (mut us, mut vs) = (vec![f64::NAN; columns], vec![f64::NAN; columns]);
             let mut scratch = Kinds::default();
             for row in band * band_rows..(band * band_rows + band_rows).min(rows) {
@@ -179,15 +182,23 @@ impl Table {
                 runs.push(isa, (&us, &vs), source, taps, &mut scratch);
             }
         });
+        // SAFETY: the chunks of the jobs are all of these taps, and each job has begun by writing its own.
+        unsafe { table.taps.set_len(rows * columns) };
         Ok(table)
     }
 
-    /// A table with room for all taps, and no runs yet.
+    /// A table of zeros, and no runs yet.
     pub(super) fn empty((rows, columns): (usize, usize), source: (u32, u32)) -> Result<Self> {
+        let mut table = Self::without_taps((rows, columns), source)?;
+        table.taps.resize(rows * columns, Tap::default());
+        Ok(table)
+    }
+
+    /// A table with room for all taps, but none in it, and no runs yet.
+    fn without_taps((rows, columns): (usize, usize), source: (u32, u32)) -> Result<Self> {
         check_cells("Lut", rows as f64, columns as f64)?;
         let mut table = Self { rows, columns, source, taps: Vec::new(), bands: Vec::new(), area: LazyPlan::default() };
         reserve(&mut table.taps, rows * columns)?;
-        table.taps.resize(rows * columns, Tap::default());
         table.bands.resize(rows.div_ceil(band_rows(columns)), RowRuns::default());
         Ok(table)
     }

@@ -49,6 +49,11 @@ impl<const N: usize> Distort for Terms<N> {
         let w = 1.0 / z;
         self.0.bend::<N>(x * w, y * w, z > 0.0)
     }
+
+    #[inline(always)]
+    fn after_division(&self) -> Option<impl Fn(f64, f64) -> (f64, f64)> {
+        Some(|x, y| self.0.bend::<N>(x, y, true))
+    }
 }
 
 impl Distort for BrownConrady {

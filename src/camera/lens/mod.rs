@@ -32,6 +32,12 @@ use crate::error::{Error, Result};
 pub(crate) trait Distort {
     /// The image of direction (x, y, z), of any length, on the plane that K takes to pixels; NaN outside the domain.
     fn distort(&self, x: f64, y: f64, z: f64) -> (f64, f64);
+
+    /// For a model that begins with `(X / Z, Y / Z)`, what it does with them; NaN where they are.
+    #[inline(always)]
+    fn after_division(&self) -> Option<impl Fn(f64, f64) -> (f64, f64)> {
+        None::<fn(f64, f64) -> (f64, f64)>
+    }
 }
 
 /// A lens model. `pixel = K [lens(direction); 1]`: most models give what a pinhole would see, so that K holds focal

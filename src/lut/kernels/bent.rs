@@ -76,11 +76,23 @@ fn fill<L: Distort, const SKEW: bool>(row: &BentRow<'_>, lens: &L, offsets: &Off
     let (fx, skew, cx, fy, cy) = (k[(0, 0)], k[(0, 1)], k[(0, 2)], k[(1, 1)], k[(1, 2)]);
     let cells = us.len();
     let (vs, xs, ys, zs) = (&mut vs[..cells], &offsets.x[..cells], &offsets.y[..cells], &offsets.z[..cells]);
-    for i in 0..cells {
-        let (x, y) = lens.distort(a.x + xs[i], a.y + ys[i], a.z + zs[i]);
-        // as Pinhole::pixel: fx x + skew y + cx
-        us[i] = if SKEW { fx * x + skew * y + cx } else { fx * x + cx };
-        vs[i] = fy * y + cy;
+    // as Pinhole::pixel: fx x + skew y + cx
+    let pixel = |(x, y): (f64, f64)| (if SKEW { fx * x + skew * y + cx } else { fx * x + cx }, fy * y + cy);
+    if let Some(bend) = lens.after_division() {
+        // In two loops: each is a short chain, of which the processor keeps more in flight.
+        for i in 0..cells {
+            let z = a.z + zs[i];
+            let w = if z > 0.0 { 1.0 / z } else { f64::NAN };
+            us[i] = (a.x + xs[i]) * w;
+            vs[i] = (a.y + ys[i]) * w;
+        }
+        for i in 0..cells {
+            (us[i], vs[i]) = pixel(bend(us[i], vs[i]));
+        }
+    } else {
+        for i in 0..cells {
+            (us[i], vs[i]) = pixel(lens.distort(a.x + xs[i], a.y + ys[i], a.z + zs[i]));
+        }
     }
 }
 

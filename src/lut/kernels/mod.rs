@@ -13,7 +13,7 @@ mod widen;
 pub(crate) use bent::{BentRow, Offsets};
 pub(crate) use heights::HeightsRow;
 pub(crate) use projective::ProjectiveRow;
-pub(crate) use quantise::{Kinds, quantise, quantise_one};
+pub(crate) use quantise::{Kinds, quantise, quantise_one, zeroed};
 pub(crate) use widen::widen;
 
 /// Compiles a function once for each instruction set, and calls the one that `isa` names: its body for scalar (and for

@@ -1,5 +1,6 @@
 //! Coordinates to taps.
 
+use std::mem::MaybeUninit;
 use std::ops::Range;
 
 use super::for_each_isa;
@@ -26,6 +27,13 @@ impl Kinds {
             Some((RunKind::from_byte(kind), first..next))
         })
     }
+}
+
+/// Fills room for taps with zeros.
+pub(crate) fn zeroed(room: &mut [MaybeUninit<Tap>]) -> &mut [Tap] {
+    room.fill(MaybeUninit::new(Tap::default()));
+    // SAFETY: all of them have just been written, and the room has the layout of taps.
+    unsafe { &mut *(std::ptr::from_mut(room) as *mut [Tap]) }
 }
 
 /// Works out the cells that sample at (us[i], vs[i]): what they are, and their taps as if all were inside.
