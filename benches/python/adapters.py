@@ -257,6 +257,28 @@ BUILDS = {
     "NumPy, ipm_rs.reference": build_numpy,
 }
 
+
+def build_lens_ipm(scene: Scene, camera: ipm_rs.Camera, threads: int) -> Build:
+    ipm_rs.set_num_threads(threads)
+
+    def call() -> None:
+        ipm_rs.Lut(camera, scene.grid)
+
+    return call
+
+
+def build_lens_cv2(scene: Scene, camera: ipm_rs.Camera, threads: int) -> Build:
+    K, no_rotation, size = camera.intrinsics, np.eye(3), _dsize(scene)
+    # OpenCV's best route: its "new camera matrix" may be any homography, so one call goes straight to the road.
+    new = np.linalg.inv(np.linalg.inv(K) @ scene.homography)
+    coefficients = np.array(camera.lens.coefficients)
+    fisheye = isinstance(camera.lens, ipm_rs.KannalaBrandt)
+    rectify = cv2.fisheye.initUndistortRectifyMap if fisheye else cv2.initUndistortRectifyMap
+    return lambda: rectify(K, coefficients, no_rotation, new, size, cv2.CV_32FC1)
+
+
+LENS_BUILDS = {OURS: build_lens_ipm, "OpenCV initUndistortRectifyMap": build_lens_cv2}
+
 # ---------------------------------------------------------------- a new pose for every frame
 # From a pose to a bird's-eye view of uint8 x 3: what a table costs that is used once, and the ways without one.
 

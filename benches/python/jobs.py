@@ -59,6 +59,13 @@ for coordinates in steps of 1/32 px. Under nearest, the same coordinates may fli
 """
 
 
+LENSES = {
+    "Brown-Conrady, 5 coefficients": ipm_rs.BrownConrady([-0.3, 0.12, 1e-3, -5e-4, -0.02]),
+    "equidistant": ipm_rs.KannalaBrandt([0.02, -0.01, 0.003, -0.0005]),
+}
+"""Lenses to put before the seed job's camera, each of a model that OpenCV has too."""
+
+
 class Scene:
     """Camera, grid and coordinates, in every form that some library wants. Nothing here is timed."""
 
@@ -100,6 +107,14 @@ class Scene:
         column, row = np.arange(columns), np.arange(rows)[:, None]
         u, v, w = (a * column + b * row + c for a, b, c in self.homography)
         return u / w, v / w
+
+    def through(self, lens: object) -> tuple[ipm_rs.Camera, tuple[NDArray[np.float64], NDArray[np.float64]]]:
+        """Put a lens before the camera: the camera, and the exact coordinates of its cells from the NumPy reference."""
+        camera, reference = self.camera, ipm_rs.reference
+        pose = camera.camera_from_vehicle
+        camera = ipm_rs.Camera(camera.intrinsics, image_size=camera.image_size, camera_from_vehicle=pose, lens=lens)
+        xy = reference.grid_xy(X, Y, self.resolution, "corner")
+        return camera, reference.maps(camera.intrinsics, pose, camera.image_size, xy, lens=lens)
 
     @cached_property
     def maps(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:

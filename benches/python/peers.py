@@ -22,8 +22,8 @@ import cells
 import clouds
 import ipm_rs
 import threads as python_threads
-from adapters import BUILDS, FRAMES, OURS, WARPS, Adapter, Call
-from jobs import JOBS, Job, Scene
+from adapters import BUILDS, FRAMES, LENS_BUILDS, OURS, WARPS, Adapter, Call
+from jobs import JOBS, LENSES, Job, Scene
 from report import environment, page
 from timing import interleaved
 
@@ -73,6 +73,25 @@ def measure_builds(scene: Scene, threads: int, rounds: int, seconds: float) -> d
     return {name: times.as_dict() for name, times in interleaved(calls, rounds, seconds).items()}
 
 
+def measure_lens_builds(scene: Scene, threads: int, rounds: int, seconds: float) -> dict[str, dict[str, Any]]:
+    """Time the ways from a camera with a lens to a table; every one must agree with the NumPy reference."""
+    results = {}
+    for lens_name, lens in LENSES.items():
+        camera, exact = scene.through(lens)
+        width, height = camera.image_size
+        (u, v), margin = exact, 1e-2
+        inside = (u > margin) & (u < width - 1 - margin) & (v > margin) & (v < height - 1 - margin)
+        calls = {name: adapter(scene, camera, threads) for name, adapter in LENS_BUILDS.items()}
+        for name, call in calls.items():
+            maps = call() or ipm_rs.Lut(camera, scene.grid).maps()
+            worst = max(abs(found - true)[inside].max() for found, true in zip(maps, exact, strict=True))
+            if not worst < 1e-3:
+                raise SystemExit(f"{name}, {lens_name}: its maps are off by {worst:.3g} px; nothing was timed")
+        times = interleaved(calls, rounds, seconds).items()
+        results[lens_name] = {name: taken.as_dict() | {"agrees": True} for name, taken in times}
+    return results
+
+
 def measure(threads: int, only: str | None, rounds: int, seconds: float) -> dict[str, Any]:
     """Measure everything with one number of threads, or only the warps whose name begins so."""
     cv2.setNumThreads(threads)
@@ -86,6 +105,7 @@ def measure(threads: int, only: str | None, rounds: int, seconds: float) -> dict
     if only is None:
         seed = scenes["seed"]
         result["builds"] = measure_builds(seed, threads, rounds, seconds)
+        result["lens_builds"] = measure_lens_builds(seed, threads, rounds, seconds)
         result["frames"] = measure_warps(seed, JOBS[0], threads, rounds, seconds, FRAMES)
         result["clouds"] = clouds.measure(threads, rounds, seconds)
         result["coverage"] = float(seed.lut.mask.mean())
@@ -137,6 +157,7 @@ def main() -> None:
         "environment": [*first["environment"], f"* load average {load:.1f} when the measurement began"],
         "warps": {threads: run["warps"] for threads, run in runs.items()},
         "builds": {threads: run["builds"] for threads, run in runs.items()},
+        "lens_builds": {threads: run["lens_builds"] for threads, run in runs.items()},
         "frames": {threads: run["frames"] for threads, run in runs.items()},
         "clouds": {threads: run["clouds"] for threads, run in runs.items()},
         "cells": next((run["cells"] for run in runs.values() if "cells" in run), {}),
