@@ -215,6 +215,9 @@ impl BrownConrady {
         p = inside(p);
         let mut residual = error(&p);
         for _ in 0..100 {
+            if residual.norm() <= f64::EPSILON * length {
+                break;
+            }
             let Some(inverse) = self.jacobian(p.x, p.y).try_inverse() else { break };
             let step = inverse * residual;
             let shorter = |scale: f64| {
@@ -222,7 +225,7 @@ impl BrownConrady {
                 let after = error(&next);
                 (after.norm() < residual.norm()).then_some((next, after))
             };
-            let Some((next, after)) = (0..20).find_map(|halvings| shorter(0.5f64.powi(halvings))) else { break };
+            let Some((next, after)) = (0..6).find_map(|halvings| shorter(0.5f64.powi(halvings))) else { break };
             (p, residual) = (next, after);
         }
         Some(p.into())

@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use super::{Distort, limit, parameter, shifted_sphere_z, shown};
+use super::{Distort, limit, one_over_shifted, parameter, shifted_sphere_z, shown};
 use crate::error::Result;
 
 /// Two unit spheres, xi apart, then a pinhole shifted by `alpha / (1 - alpha)`. With `d1 = |P|`, `k = xi d1 + Z`,
@@ -75,7 +75,8 @@ impl Distort for DoubleSphere {
         let d1 = (s + z * z).sqrt();
         let k = self.xi * d1 + z;
         let d2 = (s + k * k).sqrt();
-        let w = if z > self.cos_end * d1 { 1.0 / (self.alpha * d2 + (1.0 - self.alpha) * k) } else { f64::NAN };
+        let w = one_over_shifted(self.alpha, d2, k, s);
+        let w = if z > self.cos_end * d1 { w } else { f64::NAN };
         (x * w, y * w)
     }
 }

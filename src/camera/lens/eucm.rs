@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use super::{Distort, limit, parameter, shifted_sphere_z, shown};
+use super::{Distort, limit, one_over_shifted, parameter, shifted_sphere_z, shown};
 use crate::error::Result;
 
 /// An ellipsoid, then a pinhole. With `d = sqrt(beta (X^2 + Y^2) + Z^2)`: `m = (X, Y) / (alpha d + (1 - alpha) Z)`.
@@ -67,9 +67,11 @@ impl Distort for Eucm {
     #[inline(always)]
     fn distort(&self, x: f64, y: f64, z: f64) -> (f64, f64) {
         let s = x * x + y * y;
-        let d = (self.beta * s + z * z).sqrt();
+        let t = self.beta * s;
+        let d = (t + z * z).sqrt();
         let inside = (z > -self.w * d) & (z > self.cos_end * (s + z * z).sqrt());
-        let w = if inside { 1.0 / (self.alpha * d + (1.0 - self.alpha) * z) } else { f64::NAN };
+        let w = one_over_shifted(self.alpha, d, z, t);
+        let w = if inside { w } else { f64::NAN };
         (x * w, y * w)
     }
 }

@@ -162,6 +162,16 @@ fn towards_axis(ray: &Vector3<f64>, angle: f64) -> Vector3<f64> {
     Vector3::new(ray.x / r * sin, ray.y / r * sin, cos)
 }
 
+/// 1 / (alpha d + (1 - alpha) z) where d^2 is t + z^2. Behind, where the sum would lose its digits, it is a quotient of sums.
+#[inline(always)]
+fn one_over_shifted(alpha: f64, d: f64, z: f64, t: f64) -> f64 {
+    let (far, near) = (alpha * d, (1.0 - alpha) * z);
+    let behind = z < 0.0;
+    let numerator = if behind { far - near } else { 1.0 };
+    let denominator = if behind { alpha * alpha * t + (2.0 * alpha - 1.0) * (z * z) } else { far + near };
+    numerator / denominator
+}
+
 /// z of the ray through a point at squared radius `s` from the axis, (x, y, z), where `alpha sqrt(x^2 + y^2 + z^2) +
 /// (1 - alpha) z = 1`; `None` beyond the last such point.
 fn shifted_sphere_z(alpha: f64, s: f64) -> Option<f64> {

@@ -2,11 +2,14 @@
 
 use nalgebra::Vector3;
 
+use super::angle::angle_from_axis;
 use super::{Distort, limit, listed, parameter, polynomial, shown};
 use crate::error::{Error, Result};
 
 /// Coefficients that the polynomial may have.
 const MOST: usize = 12;
+/// Entries of the table that a search begins with.
+const STARTS: usize = 33;
 /// Pixels from the centre beyond which nothing is looked for.
 const WIDEST: f64 = 1e5;
 
@@ -33,6 +36,12 @@ pub struct Ocam {
     forward: [f64; MOST],
     /// Largest rho of the domain.
     end: f64,
+    /// f there.
+    f_end: f64,
+    /// The angle there.
+    angle_end: f64,
+    /// rho at equal steps of the angle from 0 to the end: where the search begins.
+    starts: [f64; STARTS],
 }
 
 /// The signs of both conventions, and zeros behind, make no difference.
@@ -71,11 +80,20 @@ impl Ocam {
         let forward = polynomial.map(|a| a * polynomial[0].signum());
         // the angle grows with rho as long as f - rho f' is positive
         let growth: [f64; MOST] = std::array::from_fn(|power| (1.0 - power as f64) * forward[power]);
-        let mut lens = Self { polynomial, count: given.len(), affine, limit: max_angle, forward, end: WIDEST };
-        lens.end = polynomial::positive_until(&growth, WIDEST).unwrap_or(WIDEST);
+        let end = polynomial::positive_until(&growth, WIDEST).unwrap_or(WIDEST);
+        let (count, starts) = (given.len(), [0.0; STARTS]);
+        let mut lens =
+            Self { polynomial, count, affine, limit: max_angle, forward, end, f_end: 0.0, angle_end: 0.0, starts };
         if limit < lens.max_angle() {
             let (sin, cos) = limit.sin_cos();
-            lens.end = lens.radius(sin, cos);
+            lens.end = lens.radius(sin, cos, 0.0);
+        }
+        lens.f_end = lens.f(lens.end);
+        lens.angle_end = lens.max_angle();
+        let step = lens.angle_end / (STARTS - 1) as f64;
+        for i in 1..STARTS {
+            let (sin, cos) = (step * i as f64).sin_cos();
+            lens.starts[i] = lens.radius(sin, cos, lens.starts[i - 1]);
         }
         Ok(lens)
     }
@@ -111,18 +129,37 @@ impl Ocam {
         polynomial::value(&self.forward[..self.count], rho)
     }
 
+    /// Where to look for rho of the direction at sin and cos from the axis.
+    #[inline]
+    fn start(&self, sin: f64, cos: f64) -> f64 {
+        let steps = angle_from_axis(sin, cos) * (STARTS - 1) as f64 / self.angle_end;
+        let below = (steps as usize).min(STARTS - 2);
+        let (low, high) = (self.starts[below], self.starts[below + 1]);
+        low + (high - low) * (steps - below as f64)
+    }
+
     /// rho of the direction at sin and cos from the axis.
     #[inline]
-    fn radius(&self, sin: f64, cos: f64) -> f64 {
-        let start = sin.atan2(cos) / self.max_angle() * self.end;
-        polynomial::root_of_increasing(self.end, start, |rho| {
+    fn radius(&self, sin: f64, cos: f64, start: f64) -> f64 {
+        let error = |rho: f64| {
             let (mut f, mut slope) = (0.0, 0.0);
             for &a in self.forward[..self.count].iter().rev() {
                 slope = slope * rho + f;
                 f = f * rho + a;
             }
             (rho * cos - f * sin, cos - slope * sin)
-        })
+        };
+        // Newton from nearby ends after two or three steps, but for the edge, where the safe search takes over
+        let mut rho = start;
+        for _ in 0..5 {
+            let (value, slope) = error(rho);
+            let step = value / slope;
+            rho -= step;
+            if step.abs() <= 1e-15 * rho && rho <= self.end {
+                return rho;
+            }
+        }
+        polynomial::root_of_increasing(self.end, start, error)
     }
 
     pub(super) fn undistort(&self, m: [f64; 2]) -> Option<Vector3<f64>> {
@@ -139,11 +176,12 @@ impl Distort for Ocam {
     fn distort(&self, x: f64, y: f64, z: f64) -> (f64, f64) {
         let r = (x * x + y * y).sqrt();
         let length = (r * r + z * z).sqrt();
-        let inside = self.end * z - self.f(self.end) * r >= 0.0 && length > 0.0 && (r > 0.0 || z > 0.0);
+        let inside = self.end * z - self.f_end * r >= 0.0 && length > 0.0 && (r > 0.0 || z > 0.0);
         if !inside {
             return (f64::NAN, f64::NAN);
         }
-        let scale = if r > 0.0 { self.radius(r / length, z / length) / r } else { 0.0 };
+        let (sin, cos) = (r / length, z / length);
+        let scale = if r > 0.0 { self.radius(sin, cos, self.start(sin, cos)) / r } else { 0.0 };
         let (x, y) = (x * scale, y * scale);
         let [c, d, e] = self.affine;
         (x + e * y, d * x + c * y)

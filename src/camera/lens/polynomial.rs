@@ -90,8 +90,11 @@ pub(super) fn root_of_increasing(end: f64, start: f64, f: impl Fn(f64) -> (f64, 
         }
         let newton = x - error / slope;
         let next = if newton > low && newton < high { newton } else { 0.5 * (low + high) };
-        if (next - x).abs() <= 1e-16 * x || error == 0.0 {
+        if error == 0.0 {
             return x;
+        }
+        if (next - x).abs() <= 2.0 * f64::EPSILON * x {
+            return next; // steps of one unit in the last place may go on for ever
         }
         x = next;
     }
