@@ -215,7 +215,7 @@ impl BrownConrady {
         p = inside(p);
         let mut residual = error(&p);
         for _ in 0..100 {
-            if residual.norm() <= f64::EPSILON * length {
+            if residual.norm() <= 4.0 * f64::EPSILON * length {
                 break;
             }
             let Some(inverse) = self.jacobian(p.x, p.y).try_inverse() else { break };
@@ -225,7 +225,7 @@ impl BrownConrady {
                 let after = error(&next);
                 (after.norm() < residual.norm()).then_some((next, after))
             };
-            let Some((next, after)) = (0..6).find_map(|halvings| shorter(0.5f64.powi(halvings))) else { break };
+            let Some((next, after)) = (0..30).find_map(|halvings| shorter(0.5f64.powi(halvings))) else { break };
             (p, residual) = (next, after);
         }
         Some(p.into())
