@@ -7,10 +7,11 @@ use numpy::{
     PyArrayDescr, PyArrayDescrMethods, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyReadwriteArrayDyn,
     PyUntypedArray, PyUntypedArrayMethods,
 };
+use pyo3::exceptions::PyMemoryError;
 use pyo3::prelude::*;
 
 use super::convert::tuple_text;
-use super::error::classes::{DtypeError, ImageError};
+use super::error::classes::{DtypeError, ImageError, OutOfMemoryError};
 use super::layout::Layout;
 use super::shared;
 use crate::{ImageView, ImageViewMut, Interpolation, Sample};
@@ -288,7 +289,10 @@ fn in_use(name: &str) -> PyErr {
     ))
 }
 
-/// A new array, not initialised; NumPy's `MemoryError` where there is no memory for it.
+/// A new array, not initialised.
+///
+/// # Errors
+/// `OutOfMemoryError` where there is no memory for it, with NumPy's own words.
 pub(super) fn empty_array<'py>(
     shape: &[usize],
     dtype: Bound<'py, PyArrayDescr>,
@@ -301,8 +305,12 @@ pub(super) fn empty_array<'py>(
     // by name.
     let array = unsafe {
         let dtype = dtype.into_dtype_ptr();
-        Bound::from_owned_ptr_or_err(py, PY_ARRAY_API.PyArray_Empty(py, shape.len() as _, dims_of, dtype, 0))?
+        Bound::from_owned_ptr_or_err(py, PY_ARRAY_API.PyArray_Empty(py, shape.len() as _, dims_of, dtype, 0))
     };
+    let array = array.map_err(|error| match error.is_instance_of::<PyMemoryError>(py) {
+        true => OutOfMemoryError::new_err(format!("out: {}", error.value(py))),
+        false => error,
+    })?;
     Ok(array.cast_into()?)
 }
 

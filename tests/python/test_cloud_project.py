@@ -91,6 +91,16 @@ def test_project_refuses():
         CAMERA.project(np.zeros((5, 3)), threads=0)
 
 
+def test_claims_of_great_size_cost_nothing():
+    point = np.array([10.0, 0.0, 0.0], np.float32)
+    with refuses(errors.OutOfMemoryError, "allocate"):
+        CAMERA.project(np.broadcast_to(point, (10**13, 3)))
+    with refuses(errors.ArgumentError, "at most 4294967295", "in parts"):
+        ipm_rs.render_points(np.broadcast_to(point, (2**32, 3)), CAMERA)
+    _, index = ipm_rs.render_points(np.broadcast_to(point, (10**7, 3)), CAMERA)
+    assert (index >= 0).sum() == 1 and index.max() == 0
+
+
 # ---------------------------------------------------------------- render_points
 
 
