@@ -5,7 +5,7 @@ mod common;
 
 use common::{seed_camera, seed_grid};
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use ipm_rs::{Ground, Lut};
+use ipm_rs::{BrownConrady, DoubleSphere, Eucm, Ground, KannalaBrandt, Lens, Lut, Mei, Ocam, RadialPolynomial};
 
 fn build(criterion: &mut Criterion) {
     let (camera, grid, ground) = (seed_camera(), seed_grid((0.05, 0.025)), Ground::default());
@@ -16,6 +16,19 @@ fn build(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("lut");
     group.throughput(Throughput::Elements((grid.rows() * grid.columns()) as u64));
     group.bench_function("pinhole", |bencher| bencher.iter(|| Lut::new(&camera, &grid, &ground)));
+    let lenses: [(&str, Lens); 7] = [
+        ("brown_conrady/5", BrownConrady::new(&[-0.3, 0.12, 1e-3, -5e-4, -0.02], None).expect("five").into()),
+        ("kannala_brandt", KannalaBrandt::new(&[0.02, -0.01, 0.003, -0.0005], None).expect("four").into()),
+        ("mei", Mei::new(0.8, &[-0.1, 0.05, 4e-4, -5e-4], None).expect("four").into()),
+        ("double_sphere", DoubleSphere::new(-0.2, 0.6, None).expect("in range").into()),
+        ("eucm", Eucm::new(0.6, 1.1, None).expect("in range").into()),
+        ("radial_polynomial", RadialPolynomial::new(&[0.96, -0.1, 0.1, -0.02], None).expect("four").into()),
+        ("ocam", Ocam::new(&[-1.0, 0.0, 0.1, -0.01], [1.0, 0.0, 0.0], None).expect("in range").into()),
+    ];
+    for (name, lens) in lenses {
+        let camera = camera.with_lens(lens);
+        group.bench_function(name, |bencher| bencher.iter(|| Lut::new(&camera, &grid, &ground)));
+    }
     group.bench_function("from_maps/f32", |bencher| {
         bencher.iter(|| Lut::from_maps(&map_x, &map_y, grid.columns(), source));
     });

@@ -33,6 +33,8 @@ X86_64 = {
     "fill::avx2": ["vdivpd .*ymm"],
     "cpu::run::avx512": ["vdivpd .*zmm", "vcvtps2pd .*zmm", "vpermt2p[sd] .*zmm"],
     "cpu::run::avx2": ["vdivpd .*ymm", "vcvtps2pd .*ymm"],
+    "kernels::bent::BentRow::fill::avx512": ["vdivpd .*zmm", "vsqrtpd .*zmm"],
+    "kernels::bent::BentRow::fill::avx2": ["vdivpd .*ymm", "vsqrtpd .*ymm"],
 }
 # Every aarch64 has NEON, so its kernels are inlined into their callers and have no names. These are instructions that
 # the compiler does not come upon in a loop.
@@ -50,7 +52,7 @@ BEYOND_SSE2 = re.compile(
 )
 # The contract of the float kernels: nothing fused, or their answers would differ from the scalar ones.
 FUSED = re.compile(r"vfn?m(add|sub)")
-UNFUSED = re.compile(r"warp::kernels::|cpu::run::")
+UNFUSED = re.compile(r"warp::kernels::|kernels::bent::|cpu::run::")
 
 # Ordinary code that must be among what was looked at, or looking proves nothing.
 BASELINE = ["warp::kernels::scalar::bilinear", "geometry::", "python::"]

@@ -6,7 +6,10 @@ mod common;
 
 use common::{image, seed_camera, seed_grid, textured};
 use ipm_rs::warp::reference;
-use ipm_rs::{BevGrid, Bilinear, Camera, Error, Ground, ImageView, ImageViewMut, Interpolation, Lut, WarpOptions};
+use ipm_rs::{
+    BevGrid, Bilinear, BrownConrady, Camera, Error, Ground, ImageView, ImageViewMut, Interpolation, KannalaBrandt,
+    Lens, Lut, Mei, Pinhole, WarpOptions,
+};
 use nalgebra::{Matrix3, Vector3};
 use proptest::prelude::*;
 
@@ -96,6 +99,25 @@ fn the_seed_job_in_every_dtype() {
         assert!(valid > 10_000 && halo > 10, "{valid} {halo}");
         compare::<u16>(&lut, &coordinate, channels);
         compare::<f32>(&lut, &coordinate, channels);
+    }
+}
+
+#[test]
+fn through_lenses_all_round() {
+    let pixels = |lens: Lens| {
+        let model = Pinhole::new(90.0, 91.0, 160.2, 120.4, 0.5).unwrap();
+        Camera::from_euler(model, (320, 240), [0.5, 0.1, 1.4], 0.05, 0.6, 0.3).unwrap().with_lens(lens)
+    };
+    let grid = BevGrid::new((-12.0, 12.0), (-12.0, 12.0), (0.2, 0.2), Default::default()).unwrap();
+    for lens in [
+        Lens::from(BrownConrady::new(&[0.05, 0.02, 1e-3, -5e-4, -0.002], None).unwrap()),
+        KannalaBrandt::new(&[-0.02, 0.004, -0.003, 0.0004], None).unwrap().into(),
+        Mei::new(0.9, &[-0.02, 0.001, 4e-4, -5e-4], None).unwrap().into(),
+    ] {
+        let camera = pixels(lens);
+        let lut = Lut::new(&camera, &grid, &Ground::default()).unwrap();
+        let (valid, halo) = compare::<u8>(&lut, camera_coordinate(&camera, &grid, 0.0), 3);
+        assert!(valid > 3000 && halo > 5, "{lens}: {valid} {halo}");
     }
 }
 

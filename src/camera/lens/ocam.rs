@@ -9,7 +9,7 @@ use crate::error::{Error, Result};
 /// Coefficients that the polynomial may have.
 const MOST: usize = 12;
 /// Entries of the table that a search begins with.
-const STARTS: usize = 33;
+const STARTS: usize = 17;
 /// Pixels from the centre beyond which nothing is looked for.
 const WIDEST: f64 = 1e5;
 
