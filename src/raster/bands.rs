@@ -6,7 +6,7 @@
 use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 
 use super::Census;
-use super::kernels::Finder;
+use super::kernels::{Finder, prefetch};
 use super::layers::Cells;
 use super::number::Real;
 use super::points::{BLOCK, Block, Source};
@@ -21,8 +21,8 @@ const CHUNK: usize = 8 * BLOCK;
 /// Bytes of sorted points at a time.
 const BATCH_BYTES: usize = 1 << 26;
 
-/// Most chunks at a time: what is sorted stays in the cache until it is added.
-const BATCH_CHUNKS: usize = 32;
+/// Most chunks at a time. Few large batches: a band's records come into the cache once in each.
+const BATCH_CHUNKS: usize = 512;
 
 /// Most bands: many for each thread, so that they even out where the points crowd in a few rows.
 const MAX_BANDS: usize = 32;
@@ -98,6 +98,7 @@ impl<T: Real> Chunk<T> {
         if let ([from], [to], true) = (&read.values[..], &mut values[..], read.heights.is_empty()) {
             // most calls: both at once
             to.resize(count, T::NAN);
+            let (keys, to) = (&mut keys[..count], &mut to[..count]); // where they are does not change in the loop
             for (&key, &value) in read.keys.iter().zip(from) {
                 let next = &mut next[(key >> shift) as usize];
                 keys[*next as usize] = key & mask;
@@ -118,6 +119,20 @@ impl<T: Real> Chunk<T> {
         }
         if !read.heights.is_empty() {
             spread(places, &read.heights, heights, 0.0);
+        }
+    }
+
+    /// Asks for the points of a band, which lie apart from those of the chunk before.
+    fn prefetch(&self, band: usize) {
+        const KEYS: usize = 64 / size_of::<u32>(); // of a cache line
+        let (first, end) = (self.starts[band] as usize, self.starts[band + 1] as usize);
+        for index in (first..end).step_by(KEYS) {
+            prefetch(&self.sorted.keys, index);
+        }
+        if let [values] = &self.sorted.values[..] {
+            for index in (first..end).step_by(64 / size_of::<T>()) {
+                prefetch(values, index);
+            }
         }
     }
 
@@ -200,7 +215,10 @@ pub(super) fn run<T: Real, R: Record<T>>(
             if failure.get().is_some() {
                 return;
             }
-            for chunk in &chunks[..used] {
+            for (number, chunk) in chunks[..used].iter().enumerate() {
+                if let Some(next) = chunks[..used].get(number + 1) {
+                    next.prefetch(i);
+                }
                 chunk.add_to(i, band);
             }
             if end == count {

@@ -240,3 +240,113 @@ fn whole<T: Real, R: Record<T>>(
     cells.finish(isa);
     Ok(census)
 }
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::SampleAt;
+
+    fn grid() -> BevGrid {
+        BevGrid::new((0.0, 20.0), (-8.0, 8.0), (0.25, 0.5), SampleAt::Center).unwrap()
+    }
+
+    /// Points in no order, some beyond the grid, many in one cell.
+    fn cloud(count: usize) -> Vec<f32> {
+        let mut state = 1u32;
+        let mut next = || {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (state >> 8) as f32 / (1 << 24) as f32
+        };
+        (0..count)
+            .flat_map(|i| match i % 3 {
+                0 => [10.1, 0.1, next() - 0.5],
+                _ => [next() * 24.0 - 2.0, next() * 20.0 - 10.0, next() * 4.0],
+            })
+            .collect()
+    }
+
+    fn bits<T: Real>(layer: &Option<Vec<T>>) -> Vec<u64> {
+        layer.iter().flatten().map(|value| value.to_f64().to_bits()).collect()
+    }
+
+    #[test]
+    fn threads_and_batches_change_nothing() {
+        // beyond one batch of 4 million points, once
+        for count in [0, 1, 40_000, 100_003, 4_300_000] {
+            let cloud = cloud(count);
+            let points = Strided::new(&cloud, 3).unwrap();
+            let run = |threads| {
+                let options =
+                    RasterOptions { reduce: &Reduce::ALL, threads: Some(threads), ..RasterOptions::default() };
+                rasterize(&points, None, &grid(), &options).unwrap()
+            };
+            let one = run(1);
+            assert_eq!(one.inside + one.outside, count);
+            assert_eq!(one.count.iter().flatten().map(|&n| n as usize).sum::<usize>(), one.inside);
+            for threads in [2, 5] {
+                let many = run(threads);
+                assert_eq!(one.count, many.count);
+                let all = |r: &Raster<f32>| [&r.min, &r.max, &r.mean, &r.last, &r.top, &r.density].map(bits);
+                assert!(all(&one) == all(&many), "{count} points, {threads} threads");
+            }
+        }
+    }
+
+    #[test]
+    fn refuses_what_does_not_fit() {
+        let cloud = cloud(10);
+        let points = Strided::new(&cloud, 3).unwrap();
+        let with = |options: RasterOptions<'_>| rasterize(&points, None, &grid(), &options).map(|_| ());
+        let fresh = RasterOptions::default;
+        assert!(matches!(with(RasterOptions { slices: &[1.0, 1.0], ..fresh() }), Err(Error::Slices { .. })));
+        assert!(matches!(with(RasterOptions { density_full: 1.0, ..fresh() }), Err(Error::DensityFull { .. })));
+        assert!(matches!(with(RasterOptions { threads: Some(0), ..fresh() }), Err(Error::Threads { got: 0 })));
+        let flat = Strided::new(&cloud[..20], 2).unwrap();
+        assert_eq!(
+            rasterize(&flat, None, &grid(), &fresh()).map(|_| ()),
+            Err(Error::PointColumns { expected: 3, got: 2 })
+        );
+        let few = Strided::new(&cloud[..9], 1).unwrap();
+        assert!(matches!(
+            rasterize(&points, Some(&few), &grid(), &fresh()),
+            Err(Error::PointValues { expected: 10, .. })
+        ));
+        let many = Strided::with_strides(&cloud, (1 << 31, 3), 0, (0, 1)).unwrap();
+        assert!(matches!(rasterize(&many, None, &grid(), &fresh()), Err(Error::TooManyPoints { .. })));
+    }
+
+    proptest! {
+        /// Cell by cell, from the definition.
+        #[test]
+        fn as_the_definition(cloud in prop::collection::vec(prop::array::uniform3(-20i32..100), 0..120)) {
+            let flat: Vec<f64> = cloud.iter().flatten().map(|&quarter| f64::from(quarter) / 4.0).collect();
+            let points = Strided::new(&flat, 3).unwrap();
+            let options = RasterOptions { reduce: &Reduce::ALL, ..RasterOptions::default() };
+            let raster = rasterize(&points, None, &grid(), &options).unwrap();
+            let (columns, mut found) = (32, 0);
+            for cell in 0..80 * columns {
+                let inside = |p: &&[f64]| {
+                    let (row, column) = (((20.0 - p[0]) / 0.25).floor(), ((8.0 - p[1]) / 0.5).floor());
+                    p[0] > 0.0 && p[1] > -8.0 && row == (cell / columns) as f64 && column == (cell % columns) as f64
+                };
+                let heights: Vec<f64> = flat.chunks(3).filter(inside).map(|p| p[2]).collect();
+                found += heights.len();
+                prop_assert_eq!(raster.count.as_ref().unwrap()[cell], heights.len() as i32);
+                let at = |layer: &Option<Vec<f64>>| layer.as_ref().unwrap()[cell];
+                if let (Some(&last), false) = (heights.last(), heights.is_empty()) {
+                    let most = heights.iter().copied().fold(f64::MIN, f64::max);
+                    prop_assert_eq!(at(&raster.max), most);
+                    prop_assert_eq!(at(&raster.top), most);
+                    prop_assert_eq!(at(&raster.min), heights.iter().copied().fold(f64::MAX, f64::min));
+                    prop_assert_eq!(at(&raster.mean), heights.iter().sum::<f64>() / heights.len() as f64);
+                    prop_assert_eq!(at(&raster.last), last);
+                } else {
+                    prop_assert!([&raster.min, &raster.max, &raster.mean, &raster.last, &raster.top].iter().all(|l| at(l).is_nan()));
+                }
+            }
+            prop_assert_eq!(found, raster.inside);
+        }
+    }
+}
