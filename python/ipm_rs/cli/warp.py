@@ -29,8 +29,8 @@ def add(commands: Commands) -> None:
 Warp camera images to metric bird's-eye views. Row 0 is far ahead, column 0 is to the left; metres are those of the
 vehicle frame of the calibration: x forward, y left, z up.
 
-Images may be grey, 16-bit grey, colour, with alpha, or label images with a palette (nearest only; indices and palette
-are kept). EXIF orientation is not applied: the calibration belongs to the pixels as they are stored. The extension of
+Images may be grey, 16-bit grey, colour, with alpha, or label images with a palette (nearest and mode only; indices and
+palette are kept). EXIF orientation is not applied: the calibration belongs to the pixels as they are stored. The extension of
 the output decides its format: """
         + " ".join(imagefile.FORMATS)
         + ".\n\n"
@@ -41,7 +41,8 @@ the output decides its format: """
   ipm-rs warp camera.json frames/*.png -o bevs/ --mask bevs/valid.png
   ipm-rs warp calib/000114.txt 000114.png -o bev.png --image-size 1242 375 --ground -1.73
   ipm-rs warp v1.0-mini/calibrated_sensor.json front.jpg -o bev.png --camera CAM_FRONT
-  ipm-rs warp camera.json labels.png -o bev_labels.png --interpolation nearest --border-value 255""",
+  ipm-rs warp camera.json frame.png -o bev.png --resolution 0.1 --interpolation area
+  ipm-rs warp camera.json labels.png -o bev_labels.png --interpolation mode --border-value 255""",
     )
     add = warp.add_argument
     add("calibration", metavar="CALIBRATION", help="camera calibration, a file or directory of a format named above")
@@ -59,7 +60,11 @@ the output decides its format: """
     )
     pixels = warp.add_argument_group("pixels")
     pixels.add_argument(
-        "--interpolation", choices=("bilinear", "nearest"), default="bilinear", help="(default: bilinear)"
+        "--interpolation",
+        choices=("bilinear", "nearest", "area", "mode"),
+        default="bilinear",
+        help="bilinear; nearest and mode (the id that most of a cell has) for labels; area, the mean of all that a cell "
+        "covers, without aliasing near the car (default: bilinear)",
     )
     pixels.add_argument(
         "--border-value",
@@ -163,10 +168,10 @@ def _check_image(header: imagefile.Header, camera: ipm_rs.Camera, interpolation:
             f"{width}x{height}; if it was made for {width}x{height}, give --image-size {width} {height}; if the image "
             "was scaled since, use the original, or Camera.resized() in Python"
         )
-    if interpolation != "nearest" and header.mode in ("P", "1"):
+    if interpolation not in ("nearest", "mode") and header.mode in ("P", "1"):
         kind = "a label image with a palette" if header.mode == "P" else "a 1-bit image"
         raise ArgumentError(
-            f"{header.path}: expected --interpolation nearest for {kind}, got {interpolation}, which would mix its "
+            f"{header.path}: expected --interpolation nearest or mode for {kind}, got {interpolation}, which would mix its "
             "values; give --interpolation nearest, or convert the image to RGB or grey"
         )
     if header.orientation != 1:

@@ -88,10 +88,11 @@ fn choose<const N: usize>(isa: Isa, largest: [u32; 2], sides: &[[f32; N]; 4], sh
 
 #[inline(always)]
 fn body(largest: [u32; 2], sides: [&[f32]; 4], shapes: &mut [u32]) {
-    /// Chords in pixels of which a box is as long as the chord. Across that is longer where the footprint is thin: there
-    /// the source's own pixels decide how good the result can be.
-    const SINGLE_ACROSS: [f32; 2] = [3.0, 1.2];
-    const SINGLE_DOWN: f32 = 0.6;
+    /// Chords in pixels of which a box is as long as the chord: this where the footprint is a pixel thick in the other
+    /// direction, for there the source's own pixels decide how good the result can be; shorter where it is thicker, but
+    /// no shorter than `SHORTEST` across and down.
+    const SINGLE: f32 = 3.0;
+    const SHORTEST: [f32; 2] = [1.2, 0.6];
     /// Of a step between two sizes of boxes, how much is rounded up: 2^0.4.
     const UP: f32 = 1.32;
     let count = shapes.len();
@@ -103,10 +104,12 @@ fn body(largest: [u32; 2], sides: [&[f32]; 4], shapes: &mut [u32]) {
         // a footprint is at least a pixel thick
         let chord_x = larger(smaller(larger(area, wide) / high, wide), 1.0);
         let chord_y = larger(smaller(larger(area, high) / wide, high), 1.0);
-        let single_x = larger(SINGLE_ACROSS[0] / (chord_y * chord_y.sqrt()), SINGLE_ACROSS[1]);
-        let target = |chord: f32, single: f32| larger(smaller(chord, (single * chord).sqrt()), 1.0);
-        let box_x = power(floor_log2(target(chord_x, single_x) * UP));
-        let box_y = power(floor_log2(target(chord_y, SINGLE_DOWN) * UP));
+        let target = |chord: f32, other: f32, shortest: f32| {
+            let single = larger(SINGLE / (other * other.sqrt()), shortest);
+            larger(smaller(chord, (single * chord).sqrt()), 1.0)
+        };
+        let box_x = power(floor_log2(target(chord_x, chord_y, SHORTEST[0]) * UP));
+        let box_y = power(floor_log2(target(chord_y, chord_x, SHORTEST[1]) * UP));
         let probes =
             |x: f32, y: f32| smaller(larger(larger(x / box_x + 0.5, y / box_y + 0.85), 1.0), MAX_PROBES) as i32;
         let (along, down) = (probes(ax, ay), probes(bx, by));
