@@ -1728,11 +1728,11 @@ def encode_carla_depth(
 @overload
 def points_from_depth(
     depth: NDArray[Any],
-    camera: Camera | PixelRays | ArrayLike,
-    *,
+    K: Camera | PixelRays | ArrayLike,
     max_depth: float | None = None,
-    min_depth: float | None = None,
     frame: Literal["camera", "flu", "vehicle"] | ArrayLike = "camera",
+    *,
+    min_depth: float | None = None,
     kind: Literal["z", "ray"] = "z",
     depth_scale: float | None = None,
     stride: int = 1,
@@ -1745,7 +1745,7 @@ def points_from_depth(
 ) -> NDArray[Any]:
     """Back-projects a depth image: a point for each pixel, in metres.
 
-    `points_from_depth(depth, camera)` does the usual: planar depth in metres to points of the optical frame. With pixel
+    `points_from_depth(depth, K)` does the usual: planar depth in metres to points of the optical frame. With pixel
     (u, v) counted from the centre of the top-left pixel, `(X, Y, Z) = ((u - cx) d / fx, (v - cy) d / fy, d)`; every
     coordinate is worked out in float64 and rounded once.
 
@@ -1754,14 +1754,14 @@ def points_from_depth(
 
     Args:
         depth: (H, W) float32 or float64, or uint16 with `depth_scale`; any row stride.
-        camera: a `Camera` with any lens, its `image_size` that of `depth`; its `PixelRays`, for many images behind one
+        K: a `Camera` with any lens, its `image_size` that of `depth`; its `PixelRays`, for many images behind one
             lens; or the (3, 3) matrix K of a pinhole. A K whose principal point is counted from the corner (CARLA's
             w / 2) loses 0.5 first.
         max_depth: metres, as `depth` measures; what is exactly there is kept.
         min_depth: likewise.
         frame: "camera" (optical: x right, y down, z forward), "flu" (the same camera as x forward, y left, z up),
             "vehicle" (with the pose of a `Camera`), or a (4, 4) pose `dst_from_camera` of a world or another sensor,
-            with `camera` the optical frame.
+            the camera's frame being the optical one.
         kind: what `depth` measures: "z", planar depth (CARLA, RGB-D cameras), or "ray", the distance from the optical
             centre (range images, fisheyes beyond 180 degrees).
         depth_scale: metres per unit; 1 for floats, and never guessed for uint16: 0.001 for millimetres, 1 / 5000 for
@@ -1789,11 +1789,11 @@ def points_from_depth(
 @overload
 def points_from_depth(
     depth: NDArray[Any],
-    camera: Camera | PixelRays | ArrayLike,
-    *,
+    K: Camera | PixelRays | ArrayLike,
     max_depth: float | None = None,
-    min_depth: float | None = None,
     frame: Literal["camera", "flu", "vehicle"] | ArrayLike = "camera",
+    *,
+    min_depth: float | None = None,
     kind: Literal["z", "ray"] = "z",
     depth_scale: float | None = None,
     stride: int = 1,
@@ -1807,11 +1807,11 @@ def points_from_depth(
 @overload
 def points_from_depth(
     depth: NDArray[Any],
-    camera: Camera | PixelRays | ArrayLike,
-    *,
+    K: Camera | PixelRays | ArrayLike,
     max_depth: float | None = None,
-    min_depth: float | None = None,
     frame: Literal["camera", "flu", "vehicle"] | ArrayLike = "camera",
+    *,
+    min_depth: float | None = None,
     kind: Literal["z", "ray"] = "z",
     depth_scale: float | None = None,
     stride: int = 1,
@@ -1825,11 +1825,11 @@ def points_from_depth(
 @overload
 def points_from_depth(
     depth: NDArray[Any],
-    camera: Camera | PixelRays | ArrayLike,
-    *,
+    K: Camera | PixelRays | ArrayLike,
     max_depth: float | None = None,
-    min_depth: float | None = None,
     frame: Literal["camera", "flu", "vehicle"] | ArrayLike = "camera",
+    *,
+    min_depth: float | None = None,
     kind: Literal["z", "ray"] = "z",
     depth_scale: float | None = None,
     stride: int = 1,

@@ -21,18 +21,19 @@ use crate::python::options::thread_count;
 #[pyfunction]
 #[pyo3(
     signature = (
-        depth, camera, *, max_depth = None, min_depth = None, frame = None, kind = None, depth_scale = None,
+        depth, K, max_depth = None, frame = None, *, min_depth = None, kind = None, depth_scale = None,
         stride = None, mask = None, compact = None, values = None, dtype = None, out = None, threads = None
     ),
-    text_signature = "(depth, camera, *, max_depth=None, min_depth=None, frame='camera', kind='z', depth_scale=None, stride=1, mask=None, compact=False, values=None, dtype='float32', out=None, threads=None)"
+    text_signature = "(depth, K, max_depth=None, frame='camera', *, min_depth=None, kind='z', depth_scale=None, stride=1, mask=None, compact=False, values=None, dtype='float32', out=None, threads=None)"
 )]
-#[expect(clippy::too_many_arguments, reason = "keyword-only, each with one meaning")]
+#[expect(clippy::too_many_arguments, reason = "mostly keyword-only, each with one meaning")]
+#[expect(non_snake_case, reason = "K is its name in Python")]
 pub(in crate::python) fn points_from_depth<'py>(
     depth: &Bound<'py, PyAny>,
-    camera: &Bound<'py, PyAny>,
+    K: &Bound<'py, PyAny>,
     max_depth: Option<&Bound<'py, PyAny>>,
-    min_depth: Option<&Bound<'py, PyAny>>,
     frame: Option<&Bound<'py, PyAny>>,
+    min_depth: Option<&Bound<'py, PyAny>>,
     kind: Option<&Bound<'py, PyAny>>,
     depth_scale: Option<&Bound<'py, PyAny>>,
     stride: Option<&Bound<'py, PyAny>>,
@@ -44,7 +45,7 @@ pub(in crate::python) fn points_from_depth<'py>(
     threads: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<Bound<'py, PyAny>> {
     let depth = depth_image("depth", depth)?;
-    let view = View::new(camera, depth.size())?;
+    let view = View::new(K, depth.size())?;
     let frame_from_camera = options::frame(frame, &view)?;
     let (min_depth, max_depth) = options::depth_limits(min_depth, max_depth)?;
     let options = DepthOptions {
