@@ -149,13 +149,14 @@ impl Ocam {
             }
             (rho * cos - f * sin, cos - slope * sin)
         };
-        // Newton from nearby ends after two or three steps, but for the edge, where the safe search takes over
+        // Newton from nearby ends after three or four steps, but for the edge, where the safe search takes over. The error
+        // after a step is of the order of its square.
         let mut rho = start;
-        for _ in 0..5 {
+        for _ in 0..8 {
             let (value, slope) = error(rho);
             let step = value / slope;
             rho -= step;
-            if step.abs() <= 1e-15 * rho && rho <= self.end {
+            if step.abs() <= 1e-9 * rho && rho <= self.end {
                 return rho;
             }
         }
