@@ -82,7 +82,7 @@ impl<'py> View<'py> {
         if let Ok(rays) = object.cast::<PyPixelRays>() {
             return Ok(Self { camera: *rays.get().rays.camera(), posed: true, rays: Some(rays.clone()) });
         }
-        let model = Pinhole::from_matrix(&matrix3("camera", object)?)?;
+        let model = Pinhole::from_matrix(&matrix3("K", object)?)?;
         let size = |length| u32::try_from(length).unwrap_or(u32::MAX);
         let camera = Camera::new(model, (size(width), size(height)), Camera::forward_pose())?;
         Ok(Self { camera, posed: false, rays: None })
