@@ -1360,7 +1360,9 @@ class Lut:
         """Which cells' content is really seen, not made up between pixels: (rows, columns) bool.
 
         Args:
-            minimum: source pixels a cell that there must be along both axes; 0.5 is one pixel for every two cells.
+            minimum: source pixels a cell that there must be in every direction on the grid; 0.5 is one pixel for every
+                two cells. Both numbers of `sampling_density` may be larger where the mask is False: far to the side a
+                step ahead and a step aside lead the same way on the image, and what lies across it is not told apart.
         """
     def maps(self, outside: float | None = None) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """The table as maps for `cv2.remap` and its like.

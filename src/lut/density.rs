@@ -18,39 +18,55 @@ impl Lut {
     /// # Errors
     /// [`Error::AreaSize`](crate::Error::AreaSize), [`Error::Isa`](crate::Error::Isa).
     pub fn sampling_density(&self) -> Result<Vec<f32>> {
+        let mut density = vec![f32::NAN; 2 * self.rows() * self.columns()];
+        self.for_each_footprint(&mut density, |[ax, ay, bx, by]| [bx.hypot(by) as f32, ax.hypot(ay) as f32])?;
+        Ok(density)
+    }
+
+    /// Which cells' content is really seen, row-major: valid, and in no direction on the output less than `minimum` source
+    /// pixels a cell. 0.5 asks for one source pixel for every two cells. The direction matters: far to the side of a camera
+    /// both sides of a footprint are long, and nearly the same way, so that what lies across them is not told apart.
+    ///
+    /// # Errors
+    /// [`Error::AreaSize`](crate::Error::AreaSize), [`Error::Isa`](crate::Error::Isa).
+    pub fn resolved_mask(&self, minimum: f64) -> Result<Vec<bool>> {
+        let mut mask = vec![false; self.rows() * self.columns()];
+        self.for_each_footprint(&mut mask, |[ax, ay, bx, by]| {
+            // the smaller singular value of the matrix with these columns: the area by the larger one
+            let (sum, area) = (ax * ax + ay * ay + bx * bx + by * by, (ax * by - ay * bx).abs());
+            let largest = ((sum + (sum * sum - 4.0 * area * area).max(0.0).sqrt()) / 2.0).sqrt();
+            [area >= minimum * largest]
+        })?;
+        Ok(mask)
+    }
+
+    /// Writes what `of` says of the footprint of every valid cell: (x, y) of the side along the row, then of the one down
+    /// the columns, in source pixels.
+    fn for_each_footprint<T: Copy + Send, const N: usize>(
+        &self,
+        values: &mut [T],
+        of: impl Fn([f64; 4]) -> [T; N] + Sync,
+    ) -> Result<()> {
         check_sides(self.source_size())?;
         let (rows, columns) = (self.rows(), self.columns());
-        let mut density = vec![f32::NAN; 2 * rows * columns];
-        let isa = Isa::active()?;
-        let threads = parallel::num_threads();
+        let (isa, threads) = (Isa::active()?, parallel::num_threads());
         let band_rows = parallel::rows_per_band(rows, columns, threads);
-        let bands = density.chunks_mut(2 * columns * band_rows).enumerate();
-        parallel::for_each(threads, bands, |(band, density)| {
+        let bands = values.chunks_mut(N * columns * band_rows).enumerate();
+        parallel::for_each(threads, bands, |(band, values)| {
             let first = band * band_rows;
             let mut near = Coordinates::three(isa, &self.table, first);
             let mut sides = Sides::new(columns);
-            for (row, cells) in (first..).zip(density.chunks_mut(2 * columns)) {
+            for (row, cells) in (first..).zip(values.chunks_mut(N * columns)) {
                 near[2].read(isa, &self.table, Some(row + 1));
                 sides.read(isa, &near);
-                for (cell, values) in cells.chunks_exact_mut(2).enumerate().filter(|&(cell, _)| near[1].is_valid(cell))
+                for (cell, values) in cells.chunks_exact_mut(N).enumerate().filter(|&(cell, _)| near[1].is_valid(cell))
                 {
-                    let [ax, ay, bx, by] = sides.of(cell);
-                    let length = |x: i32, y: i32| f64::from(x).hypot(f64::from(y)) / f64::from(1 << Q);
-                    values.copy_from_slice(&[length(bx, by) as f32, length(ax, ay) as f32]);
+                    let pixels = |side: i32| f64::from(side) / f64::from(1 << Q);
+                    values.copy_from_slice(&of(sides.of(cell).map(pixels)));
                 }
                 near.rotate_left(1);
             }
         });
-        Ok(density)
-    }
-
-    /// Which cells' content is really seen, row-major: valid, and along both of its axes at least `minimum` source pixels a
-    /// cell. 0.5 asks for one source pixel for every two cells.
-    ///
-    /// # Errors
-    /// [`Error::AreaSize`](crate::Error::AreaSize), [`Error::Isa`](crate::Error::Isa).
-    pub fn resolved_mask(&self, minimum: f32) -> Result<Vec<bool>> {
-        let density = self.sampling_density()?;
-        Ok(density.as_chunks::<2>().0.iter().map(|cell| cell.iter().all(|&axis| axis >= minimum)).collect())
+        Ok(())
     }
 }

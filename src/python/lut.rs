@@ -147,7 +147,7 @@ impl PyLut {
         PyArray1::from_vec(py, density).reshape((rows, columns, 2))
     }
 
-    /// Which cells see at least `minimum` source pixels along both of their axes: (rows, columns) bool.
+    /// Which cells see at least `minimum` source pixels in every direction: (rows, columns) bool.
     #[pyo3(signature = (minimum = None), text_signature = "(self, minimum=0.5)")]
     fn resolved_mask<'py>(
         &self,
@@ -155,7 +155,7 @@ impl PyLut {
         minimum: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyArray2<bool>>> {
         let minimum = minimum.map_or(Ok(0.5), |object| float("minimum", object))?;
-        let mask = py.detach(|| self.lut.resolved_mask(minimum as f32))?;
+        let mask = py.detach(|| self.lut.resolved_mask(minimum))?;
         PyArray1::from_vec(py, mask).reshape(self.shape())
     }
 
