@@ -27,7 +27,7 @@ def main() -> None:
     _density(view).save(ROOT / "docs" / "images" / "density.png", optimize=True)
 
 
-def _compare(view) -> Image.Image:  # noqa: ANN001, the harness is loaded by its path
+def _compare(view) -> Image.Image:
     """Return the nearest metres, bilinear beside area beside the truth, four times enlarged."""
     image = view.trial.image
     panels = (
@@ -49,8 +49,8 @@ def _compare(view) -> Image.Image:  # noqa: ANN001, the harness is loaded by its
     return page
 
 
-def _density(view) -> Image.Image:  # noqa: ANN001
-    """Return the bird's-eye view, coloured by how many source pixels there are for a cell, at least in every direction."""
+def _density(view) -> Image.Image:
+    """Return the bird's-eye view, coloured by the source pixels that a cell has in its poorest direction."""
     levels = (
         (0.0, (120, 40, 120), "less than 1 pixel for 4 cells"),
         (0.25, (190, 60, 60), "1 for 4, or more"),

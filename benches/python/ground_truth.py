@@ -1,7 +1,7 @@
 """How far bird's-eye views are from a road whose truth is known: PSNR near, far and overall.
 
-An analytic road (asphalt grain, lane lines, 10 cm chequer, 5 cm zebra) is photographed through a camera by supersampling,
-warped back onto the road, and compared with the road itself, averaged over each cell.
+An analytic road (asphalt grain, lane lines, 10 cm chequer, 5 cm zebra) is photographed through a camera by
+supersampling, warped back onto the road, and compared with the road itself, averaged over each cell.
 
     python benches/python/ground_truth.py                       every case and cell size
     python benches/python/ground_truth.py --yaw-deg 60 --roll-deg 5 --seed 3
@@ -30,7 +30,7 @@ PITCH = 0.0384
 
 
 class Road:
-    """Grey level of the road at (x, y), drawn 7 degrees off the direction `yaw`, so that no pattern is in step with cells."""
+    """Grey level of the road at (x, y), drawn 7 degrees off `yaw`, so that no pattern is in step with cells."""
 
     def __init__(self, yaw: float = 0.0, seed: int = 0) -> None:
         noise = np.random.default_rng(seed).normal(size=(1024, 1024))
@@ -120,7 +120,9 @@ class Trial:
         (width, height), total = self.case.image_size, 0.0
         for a in range(samples):
             for b in range(samples):
-                u, v = np.meshgrid(np.arange(width) + (a + 0.5) / samples - 0.5, np.arange(height) + (b + 0.5) / samples - 0.5)
+                u, v = np.meshgrid(
+                    np.arange(width) + (a + 0.5) / samples - 0.5, np.arange(height) + (b + 0.5) / samples - 0.5
+                )
                 points = self.camera.ground_from_pixels(np.stack([u, v], -1).reshape(-1, 2), ground=self.case.ground)
                 x, y = points[:, 0].reshape(height, width), points[:, 1].reshape(height, width)
                 seen = np.isfinite(x) & (np.hypot(x, y) < 300)

@@ -125,7 +125,9 @@ def test_maps_and_homographies_have_footprints_too():
     exact = image.reshape(60, 4, 80, 4).mean(axis=(1, 3))
     by_maps = ipm_rs.Lut.from_maps(x, y, source_size=(320, 240)).warp(image, interpolation="area")
     M = np.array([[4, 0, 1.5], [0, 4, 1.5], [0, 0, 1.0]])
-    by_homography = ipm_rs.Lut.from_homography(M, size=(80, 60), source_size=(320, 240)).warp(image, interpolation="area")
+    by_homography = ipm_rs.Lut.from_homography(M, size=(80, 60), source_size=(320, 240)).warp(
+        image, interpolation="area"
+    )
     assert same(by_maps, by_homography)
     inside = np.s_[1:-1, 1:-1]
     plain = ipm_rs.Lut.from_maps(x, y, source_size=(320, 240)).warp(image)

@@ -30,8 +30,8 @@ Warp camera images to metric bird's-eye views. Row 0 is far ahead, column 0 is t
 vehicle frame of the calibration: x forward, y left, z up.
 
 Images may be grey, 16-bit grey, colour, with alpha, or label images with a palette (nearest and mode only; indices and
-palette are kept). EXIF orientation is not applied: the calibration belongs to the pixels as they are stored. The extension of
-the output decides its format: """
+palette are kept). EXIF orientation is not applied: the calibration belongs to the pixels as they are stored. The
+extension of the output decides its format: """
         + " ".join(imagefile.FORMATS)
         + ".\n\n"
         + textwrap.fill(f"The format of the calibration is recognised: {', '.join(calibration.FORMATS)}.", 118),
@@ -63,8 +63,8 @@ the output decides its format: """
         "--interpolation",
         choices=("bilinear", "nearest", "area", "mode"),
         default="bilinear",
-        help="bilinear; nearest and mode (the id that most of a cell has) for labels; area, the mean of all that a cell "
-        "covers, without aliasing near the car (default: bilinear)",
+        help="bilinear; area, the mean of all that a cell covers, without aliasing near the car; nearest and mode, the "
+        "id that most of a cell has, for labels (default: bilinear)",
     )
     pixels.add_argument(
         "--border-value",
@@ -171,8 +171,8 @@ def _check_image(header: imagefile.Header, camera: ipm_rs.Camera, interpolation:
     if interpolation not in ("nearest", "mode") and header.mode in ("P", "1"):
         kind = "a label image with a palette" if header.mode == "P" else "a 1-bit image"
         raise ArgumentError(
-            f"{header.path}: expected --interpolation nearest or mode for {kind}, got {interpolation}, which would mix its "
-            "values; give --interpolation nearest, or convert the image to RGB or grey"
+            f"{header.path}: expected --interpolation nearest or mode for {kind}, got {interpolation}, which would mix "
+            "its values; give --interpolation nearest, or convert the image to RGB or grey"
         )
     if header.orientation != 1:
         emit(f"ipm-rs: warning: {header.path}: EXIF orientation {header.orientation} is not applied", sys.stderr)

@@ -14,7 +14,7 @@ impl Needs {
     fn level(&mut self, kx: u8, ky: u8, rows: usize) -> &mut [Range<u32>] {
         let found = self.levels.iter().position(|level| (level.0, level.1) == (kx, ky));
         let index = found.unwrap_or_else(|| {
-            self.levels.push((kx, ky, vec![u32::MAX..0; rows]));
+            self.levels.push((kx, ky, vec![Range { start: u32::MAX, end: 0 }; rows]));
             self.levels.len() - 1
         });
         &mut self.levels[index].2
