@@ -122,7 +122,7 @@ pub enum Error {
     },
     /// A margin or a tolerance that no curve can be drawn with.
     #[error(
-        "margin, tolerance: expected a margin of at least 0 and a tolerance of at least 0.001 pixel, got {margin} and {tolerance}"
+        "margin, tolerance: expected a margin of at least 0 and a tolerance of at least 0.001 pixel, both up to 1e9, got {margin:?} and {tolerance:?}"
     )]
     Tracing {
         /// Pixels around the image.

@@ -209,6 +209,31 @@ fn a_fisheye_sees_behind_its_own_plane() {
     assert!(!camera.project(&Vector3::new(-1.0, 0.0, 0.0)).valid);
 }
 
+/// Far out a tolerance that grows with the square would let any answer pass.
+#[test]
+fn pixels_beyond_everything_have_no_direction() {
+    let lenses: [Lens; 6] = [
+        KannalaBrandt::new(&[0.0; 4], Some(0.5)).unwrap().into(),
+        RadialPolynomial::new(&[300.0, 0.0, 0.0, 0.0], None).unwrap().into(),
+        BrownConrady::new(&KITTI, None).unwrap().into(),
+        BrownConrady::new(&[0.1, 0.0, 0.0, 0.0], None).unwrap().into(),
+        Eucm::new(0.6, 1.1, None).unwrap().into(),
+        Ocam::new(&[300.0, 0.0, -1e-3], [1.0, 0.0, 0.0], None).unwrap().into(),
+    ];
+    for lens in lenses {
+        for power in [19, 25, 60, 150, 200, 300] {
+            assert_eq!(lens.unproject([10f64.powi(power), 1.0]), None, "{lens} 1e{power}");
+        }
+    }
+    // a pinhole's directions come ever closer to 90 degrees
+    let pinhole: Lens = BrownConrady::new(&[0.0; 4], None).unwrap().into();
+    for power in [3, 9, 15, 60] {
+        let m = 10f64.powi(power);
+        let [x, y] = pinhole.project(&pinhole.unproject([m, 1.0]).unwrap()).unwrap();
+        assert!((x / m - 1.0).abs() < 1e-12 && (y - 1.0).abs() < 1e-12, "1e{power}");
+    }
+}
+
 #[test]
 fn a_limit_makes_the_domain_smaller_and_never_larger() {
     for angle in [0.1, 0.7, 1.2] {

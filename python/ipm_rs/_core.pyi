@@ -924,8 +924,8 @@ class Camera:
             points: (N, 3) in metres, or (N, 2) on the road. A vertex that is not finite is a gap.
             ground: the road under (N, 2) points, 0 if not given; refused with (N, 3).
             closed: whether the last vertex is joined to the first.
-            margin: pixels around the rectangle of pixel centres up to which it is kept.
-            tolerance: how far, in pixels, the polyline may be from the true curve; at least 0.001.
+            margin: pixels around the rectangle of pixel centres up to which it is kept; 0 to 1e9.
+            tolerance: how far, in pixels, the polyline may be from the true curve; 0.001 to 1e9.
 
         Returns:
             The pieces, each (M, 2) float64 pixels with M of 2 or more, in the order of the points; none where it is not
@@ -941,7 +941,7 @@ class Camera:
 
         Args:
             ground: the road; of a height all that counts is that it is level.
-            tolerance: how far, in pixels, the polyline may be from a curve that a lens bends; at least 0.001.
+            tolerance: how far, in pixels, the polyline may be from a curve that a lens bends; 0.001 to 1e9.
 
         Returns:
             Pieces inside the rectangle of pixel centres, each (M, 2) float64: for a pinhole at most one, of two points;

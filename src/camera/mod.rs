@@ -245,7 +245,9 @@ impl std::fmt::Display for Camera {
 fn check_tracing(margin: f64, tolerance: f64) -> Result<()> {
     /// Pixels; finer than any picture, and coarser than rounding.
     const FINEST: f64 = 1e-3;
-    if margin >= 0.0 && margin.is_finite() && tolerance >= FINEST && tolerance.is_finite() {
+    /// Farther out pixels lose the digits of the image's own.
+    const WIDEST: f64 = 1e9;
+    if (0.0..=WIDEST).contains(&margin) && (FINEST..=WIDEST).contains(&tolerance) {
         return Ok(());
     }
     Err(Error::Tracing { margin, tolerance })

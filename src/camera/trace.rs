@@ -6,8 +6,8 @@ pub(super) type Pixel = [f64; 2];
 /// Halvings after which a curve is taken for a point: 2^-44 of its way.
 const DEEPEST: u32 = 44;
 
-/// Pixels beyond the image up to which a straight line is drawn as it is; farther ends would cost the digits of what is
-/// cut from it.
+/// Pixels up to which a straight line is drawn as it is, if the image is not larger; farther ends would cost the digits
+/// of what is cut from it.
 const FAR: f64 = 1e7;
 
 /// Pixels that two points of a piece are apart, if there is one more between them.
@@ -18,6 +18,8 @@ pub(super) struct Tracer {
     low: Pixel,
     high: Pixel,
     tolerance: f64,
+    /// [`FAR`], and always well beyond what is kept: what is farther runs off or is missed, however often it is halved.
+    far: f64,
     pieces: Vec<Vec<Pixel>>,
     /// Whether the next line may go on with the last piece.
     open: bool,
@@ -27,7 +29,8 @@ impl Tracer {
     /// For an image of so many pixels with a margin around the rectangle of their centres.
     pub(super) fn new((width, height): (u32, u32), margin: f64, tolerance: f64) -> Self {
         let high = [f64::from(width - 1) + margin, f64::from(height - 1) + margin];
-        Self { low: [-margin; 2], high, tolerance, pieces: Vec::new(), open: false }
+        let far = FAR.max(2.0 * (high[0].max(high[1]) + tolerance));
+        Self { low: [-margin; 2], high, tolerance, far, pieces: Vec::new(), open: false }
     }
 
     /// What was gathered: polylines of two points or more.
@@ -80,7 +83,7 @@ impl Tracer {
                 return;
             }
             let straight = [p, q, r].iter().all(|point| from_line(point, &a, &b) <= self.tolerance);
-            let near = [a, b].as_flattened().iter().all(|coordinate| coordinate.abs() <= FAR);
+            let near = [a, b].as_flattened().iter().all(|coordinate| coordinate.abs() <= self.far);
             if (straight && near) || depth == 0 {
                 self.line(a, b);
                 return;
@@ -174,6 +177,17 @@ mod tests {
         // past the corner
         assert!(traced(0.0, |t| Some([-30.0 + 60.0 * t, 70.0 - 60.0 * t + 40.0]), 1).is_empty());
         assert_eq!(traced(0.0, |t| Some([20.0, 100.0 * t]), 3).len(), 1);
+    }
+
+    #[test]
+    fn huge_images_margins_and_tolerances_take_no_longer() {
+        let off = |t: f64| Some([1e3 + 1e9 * t, 20.0 + 1e8 * t]);
+        for (size, margin, tolerance) in [((1 << 30, 1), 0.0, 0.1), ((101, 51), 1e9, 0.1), ((101, 51), 0.0, 1e9)] {
+            let mut tracer = Tracer::new(size, margin, tolerance);
+            tracer.curve(4, &off);
+            tracer.curve(1, &|t| Some([1e8 * (1.0 + t), 30.0 + 1e3 * (3.0 * t).sin()]));
+            assert!(tracer.finish().iter().map(Vec::len).sum::<usize>() < 1000);
+        }
     }
 
     #[test]

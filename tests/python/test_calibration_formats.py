@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 import json
 import logging
+import time
 
 import numpy as np
 import pytest
@@ -15,6 +16,8 @@ from hypothesis import strategies as st
 
 import ipm_rs
 from ipm_rs import calibration, errors
+
+READERS = {name for name in dir(ipm_rs.Camera) if name.startswith("from_")} - {"from_euler", "from_vanishing_point"}
 
 each_sample = pytest.mark.parametrize("sample", SAMPLES.values(), ids=SAMPLES.keys())
 
@@ -114,6 +117,35 @@ def test_no_known_format_in_a_directory(tmp_path):
 def test_no_such_file(tmp_path):
     with refuses(errors.MissingFileError, "nowhere.json", "check the path"):
         ipm_rs.Camera.load(tmp_path / "nowhere.json")
+
+
+@pytest.mark.parametrize("name", sorted(READERS))
+def test_a_name_that_no_file_can_have(name):
+    with pytest.raises(errors.IpmError):
+        getattr(ipm_rs.Camera, name)("x" * 5000)
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("lines.txt", "\n" * 900_000),
+        ("lines.json", "\n" * 200_000 + '{"opencv-matrix": 1, "camera_matrix": /'),
+        (
+            "digits.xml",
+            "<?xml version='1.0'?><opencv_storage><camera_matrix>"
+            + "9" * 200_000
+            + "x</camera_matrix></opencv_storage>",
+        ),
+    ],
+)
+def test_time_grows_with_the_file_and_not_with_its_square(name, text, tmp_path):
+    path = tmp_path / name
+    path.write_text(text)
+    start = time.perf_counter()
+    for read in (ipm_rs.Camera.load, ipm_rs.Camera.from_kalibr, ipm_rs.Camera.from_opencv):
+        with pytest.raises(errors.IpmError):
+            read(path)
+    assert time.perf_counter() - start < 20  # minutes, with a pattern that looks at the rest again from every line
 
 
 @pytest.mark.parametrize("path", [None, 3, {}, b"x"], ids=lambda path: type(path).__name__)

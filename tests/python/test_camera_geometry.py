@@ -180,6 +180,8 @@ def test_closed_margin_and_gaps(seed_camera):
         ({"tolerance": NAN}, errors.ArgumentError, "tolerance of at least 0.001"),
         ({"margin": -1}, errors.ArgumentError, "margin of at least 0"),
         ({"margin": math.inf}, errors.ArgumentError, "margin of at least 0"),
+        ({"margin": 1e300}, errors.ArgumentError, "up to 1e9, got 1e300"),
+        ({"tolerance": 1e300}, errors.ArgumentError, "up to 1e9"),
         ({"closed": "yes"}, errors.ArgumentTypeError, "closed: expected True or False"),
         ({"points": [1, 2, 3]}, errors.ArgumentError, "points: expected shape (N, 3)"),
         ({"points": np.ones((2, 4))}, errors.ArgumentError, "points: expected shape (N, 3)"),

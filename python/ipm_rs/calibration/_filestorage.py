@@ -31,7 +31,7 @@ __all__ = ["parse_storage", "plain"]
 
 _TYPES = ("opencv-matrix", "opencv-nd-matrix")
 _WORD = re.compile(r'"([^"]*)"|([^\s"]+)')
-_COMMENT = re.compile(r"^\s*//.*$", re.MULTILINE)
+_COMMENT = re.compile(r"^[ \t]*//.*$", re.MULTILINE)
 _SPECIAL = re.compile(r"(?<=[\s:,\[])(-?)\.(?:(Nan)|Inf)(?=\s*[,\]}])")
 _DT = re.compile(r"\s*([0-9]{0,2})([ucwsifdh])\s*")
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -118,6 +119,7 @@ class Files:
         path = self.document.path
         if self.document.is_directory:
             return parse(Document(str(path / name), self.title))
-        if path.name == name or not path.is_file():  # the file itself, or nothing, which reading it will say
+        # the file itself, or nothing, which reading it will say; Path.is_file raises where a name is too long
+        if path.name == name or not os.path.isfile(path):  # noqa: PTH113
             return parse(self.document)
         return parse(Document(str(path.with_name(name)), self.title))

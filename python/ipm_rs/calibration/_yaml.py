@@ -31,7 +31,7 @@ _OPENCV_TAGS = ("opencv-matrix", "opencv-nd-matrix")
 _PLAIN_TAGS = ("map", "seq", "str", "int", "float", "bool", "null")
 
 _INTEGER = re.compile(r"[+-]?[0-9]{1,40}")
-_FLOAT = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
+_FLOAT = re.compile(r"[+-]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][+-]?[0-9]+)?")
 _SPECIAL = re.compile(r"([+-]?)\.?(inf|nan)", re.IGNORECASE)
 _HEADER = re.compile(r"\A%YAML:1\.[0-9]+[^\n]*")
 _NO_SPACE = re.compile(r"^([ ]*[A-Za-z_][\w.-]*):(?=[^\s:])", re.MULTILINE)

@@ -54,7 +54,7 @@ Matrix = NDArray[np.float64]
 
 def missing(document: Document) -> str | None:
     """Say what a document lacks to be of this format; None if nothing."""
-    if re.search(r"^\s*cam[0-9]+\s*:", document.text, re.MULTILINE) is None:
+    if re.search(r"^[ \t]*cam[0-9]+[ \t]*:", document.text, re.MULTILINE) is None:
         return "no section cam0"
     return None if "camera_model" in document.text else "no key 'camera_model'"
 

@@ -180,6 +180,9 @@ impl BrownConrady {
 
     /// The ray (x, y, 1) that is seen at m, or a guess that must be checked.
     pub(super) fn unbend(&self, m: [f64; 2]) -> Option<[f64; 2]> {
+        if self.c == [0.0; 14] {
+            return Some(m); // a pinhole, whose domain goes beyond what is looked through below
+        }
         let target = if self.c[12..] == [0.0, 0.0] {
             Vector2::from(m)
         } else {

@@ -93,12 +93,14 @@ impl Lens {
         /// How far the image of the answer may be from what was asked: rounding. Far out it counts with the square,
         /// because there a small angle is a long way, and a direction is only known to 1e-16.
         const TOLERANCE: f64 = 1e-13;
+        /// Beyond so many units the square would allow for any answer at all: a thousandth is the most.
+        const FARTHEST: f64 = 1e10;
         if !(m[0].is_finite() && m[1].is_finite()) {
             return None;
         }
         let found = each_model!(self, model => model.undistort(m))?.normalize();
         let size = 1.0 + m[0].hypot(m[1]) / self.unit();
-        let tolerance = TOLERANCE * size * size * self.unit();
+        let tolerance = TOLERANCE * size * size.min(FARTHEST) * self.unit();
         // at the edge of the domain, where the image stands still, rounding leaves it by up to 1e-8
         [0.0, 1e-15, 1e-12, 1e-10, 1e-8].into_iter().find_map(|pull| {
             let ray = if pull == 0.0 { found } else { towards_axis(&found, pull) };
