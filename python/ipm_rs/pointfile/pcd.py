@@ -22,7 +22,7 @@ _DENSEST = 100  # LZF makes at most 264 bytes of 3
 def read(path: Path) -> dict[str, NDArray[Any]]:
     """Read all fields of one number."""
     try:
-        from pypcd4 import PointCloud
+        from pypcd4.pypcd4 import PointCloud
     except ImportError as error:
         raise MissingExtraError(
             'expected pypcd4, which reads PCD files, found none; install it with: pip install "ipm-rs[cloud]"'
