@@ -42,9 +42,9 @@ impl<T: Real> Columns<T> {
 
 /// What a thread needs to sort a chunk.
 struct Desk<T> {
-    block: Block<T>,
-    read: Columns<T>,
-    /// Where each point goes.
+    /// The blocks of the chunk.
+    blocks: Vec<Block<T>>,
+    /// Where each point of a block goes.
     places: Vec<u32>,
 }
 
@@ -71,54 +71,54 @@ impl<T: Real> Chunk<T> {
         (first, end): (usize, usize),
         shift: u32,
     ) {
-        let Desk { block, read, places } = desk;
-        read.keys.clear();
-        read.values.iter_mut().for_each(Vec::clear);
-        read.heights.clear();
-        for first in (first..end).step_by(BLOCK) {
+        let Desk { blocks, places } = desk;
+        let band_of = |key: u32| (key >> shift) as usize % MAX_BANDS; // there are no more: no bounds to check
+        let blocks = &mut blocks[..(end - first).div_ceil(BLOCK)];
+        let mut counts = [0u32; MAX_BANDS];
+        for (block, first) in blocks.iter_mut().zip((first..end).step_by(BLOCK)) {
             self.census += block.read(source, finder, isa, first, BLOCK.min(end - first));
-            read.keys.extend_from_slice(&block.keys);
-            for (column, values) in read.values.iter_mut().zip(&block.values) {
-                column.extend_from_slice(values);
+            for &key in &block.keys {
+                counts[band_of(key)] += 1;
             }
-            read.heights.extend_from_slice(&block.heights);
         }
-        // where the bands begin, one place further on, and then where the next point of each goes
-        let mut next = [0u32; MAX_BANDS + 1];
-        for &key in &read.keys {
-            next[(key >> shift) as usize + 1] += 1;
-        }
+        let mut next = [0u32; MAX_BANDS]; // where the next point of each band goes
         for band in 0..MAX_BANDS {
-            next[band + 1] += next[band];
+            next[band] = self.starts[band];
+            self.starts[band + 1] = next[band] + counts[band];
         }
-        self.starts = next;
-        let (mask, count) = ((1u32 << shift) - 1, read.keys.len());
+        let (mask, count) = ((1u32 << shift) - 1, self.starts[MAX_BANDS] as usize);
         let Columns { keys, values, heights } = &mut self.sorted;
         keys.resize(count, 0);
-        if let ([from], [to], true) = (&read.values[..], &mut values[..], read.heights.is_empty()) {
+        values.iter_mut().for_each(|column| column.resize(count, T::NAN));
+        let keys = &mut keys[..count]; // where they are does not change in the loops
+        if let [to] = &mut values[..]
+            && blocks.iter().all(|block| block.heights.is_empty())
+        {
             // most calls: both at once
-            to.resize(count, T::NAN);
-            let (keys, to) = (&mut keys[..count], &mut to[..count]); // where they are does not change in the loop
-            for (&key, &value) in read.keys.iter().zip(from) {
-                let next = &mut next[(key >> shift) as usize];
-                keys[*next as usize] = key & mask;
-                to[*next as usize] = value;
-                *next += 1;
+            let to = &mut to[..count];
+            for block in blocks {
+                for (&key, &value) in block.keys.iter().zip(&block.values[0]) {
+                    let next = &mut next[band_of(key)];
+                    keys[*next as usize] = key & mask;
+                    to[*next as usize] = value;
+                    *next += 1;
+                }
             }
             return;
         }
-        places.resize(count, 0);
-        for (&key, place) in read.keys.iter().zip(places.iter_mut()) {
-            let next = &mut next[(key >> shift) as usize];
-            *place = *next;
-            keys[*next as usize] = key & mask;
-            *next += 1;
-        }
-        for (from, to) in read.values.iter().zip(values) {
-            spread(places, from, to, T::NAN);
-        }
-        if !read.heights.is_empty() {
-            spread(places, &read.heights, heights, 0.0);
+        heights.resize(if blocks.iter().all(|block| block.heights.is_empty()) { 0 } else { count }, 0.0);
+        for block in blocks {
+            places.clear();
+            for &key in &block.keys {
+                let next = &mut next[band_of(key)];
+                places.push(*next);
+                keys[*next as usize] = key & mask;
+                *next += 1;
+            }
+            for (from, to) in block.values.iter().zip(values.iter_mut()) {
+                spread(places, from, to);
+            }
+            spread(places, &block.heights, heights);
         }
     }
 
@@ -146,8 +146,7 @@ impl<T: Real> Chunk<T> {
 }
 
 /// Puts each item into its place.
-fn spread<E: Copy>(places: &[u32], from: &[E], to: &mut Vec<E>, blank: E) {
-    to.resize(from.len(), blank);
+fn spread<E: Copy>(places: &[u32], from: &[E], to: &mut [E]) {
     for (&place, &item) in places.iter().zip(from) {
         to[place as usize] = item;
     }
@@ -198,8 +197,7 @@ pub(super) fn run<T: Real, R: Record<T>>(
         let used = (end - first).div_ceil(CHUNK);
         parallel::for_each(threads, chunks[..used].iter_mut().enumerate(), |(i, chunk)| {
             let mut desk = desks.take().unwrap_or_else(|| Desk {
-                block: Block::new(channels, wants_heights),
-                read: Columns::new(channels),
+                blocks: (0..CHUNK / BLOCK).map(|_| Block::new(channels, wants_heights)).collect(),
                 places: Vec::new(),
             });
             let first = first + i * CHUNK;
