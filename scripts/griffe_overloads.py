@@ -1,7 +1,7 @@
 """Griffe extension for the API page: functions of a stub that are only overloads.
 
-A stub has no implementation beside its overloads, and Griffe makes a function of nothing else. The first overload, which
-carries the docstring, takes that place and shows all signatures.
+A stub has no implementation beside its overloads, and Griffe makes a function of nothing else. The first overload,
+which carries the docstring, takes that place and shows all signatures.
 """
 
 from __future__ import annotations

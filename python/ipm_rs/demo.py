@@ -285,7 +285,7 @@ def _facts(draw: ImageDraw, result: Result, top: int) -> None:
             (
                 f"Error, x {where}",
                 f"{error.median:.1f} grey levels",
-                f"median of 255; PSNR {error.psnr:.1f}, by area {area.psnr:.1f} dB",
+                f"PSNR {error.psnr:.1f} dB, by area {area.psnr:.1f} dB",
             )
             for where, error, area in (
                 (f"below {NEAR:g} m", result.near, result.near_area),
