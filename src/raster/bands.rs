@@ -6,10 +6,11 @@
 use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 
 use super::Census;
-use super::kernels::{Finder, prefetch};
+use super::kernels::{Finder, NOWHERE, prefetch};
 use super::layers::Cells;
 use super::number::Real;
 use super::points::{BLOCK, Block, Source};
+
 use super::records::Record;
 use crate::cpu::Isa;
 use crate::error::Result;
@@ -74,6 +75,9 @@ impl<T: Real> Chunk<T> {
         let Desk { blocks, places } = desk;
         let band_of = |key: u32| (key >> shift) as usize % MAX_BANDS; // there are no more: no bounds to check
         let blocks = &mut blocks[..(end - first).div_ceil(BLOCK)];
+        if blocks[0].is_plain(source) {
+            return self.fill_plain(blocks, source, finder, isa, (first, end), shift);
+        }
         let mut counts = [0u32; MAX_BANDS];
         for (block, first) in blocks.iter_mut().zip((first..end).step_by(BLOCK)) {
             self.census += block.read(source, finder, isa, first, BLOCK.min(end - first));
@@ -91,21 +95,6 @@ impl<T: Real> Chunk<T> {
         keys.resize(count, 0);
         values.iter_mut().for_each(|column| column.resize(count, T::NAN));
         let keys = &mut keys[..count]; // where they are does not change in the loops
-        if let [to] = &mut values[..]
-            && blocks.iter().all(|block| block.heights.is_empty())
-        {
-            // most calls: both at once
-            let to = &mut to[..count];
-            for block in blocks {
-                for (&key, &value) in block.keys.iter().zip(&block.values[0]) {
-                    let next = &mut next[band_of(key)];
-                    keys[*next as usize] = key & mask;
-                    to[*next as usize] = value;
-                    *next += 1;
-                }
-            }
-            return;
-        }
         heights.resize(if blocks.iter().all(|block| block.heights.is_empty()) { 0 } else { count }, 0.0);
         for block in blocks {
             places.clear();
@@ -119,6 +108,40 @@ impl<T: Real> Chunk<T> {
                 spread(places, from, to);
             }
             spread(places, &block.heights, heights);
+        }
+    }
+
+    /// [`Chunk::fill`] where points carry nothing but z, as in most calls. Points without a cell go to a band of their own,
+    /// behind all others, instead of being sorted out first: that took a quarter of the time.
+    fn fill_plain(
+        &mut self,
+        blocks: &mut [Block<T>],
+        source: &Source<'_, T>,
+        finder: &Finder,
+        isa: Isa,
+        (first, end): (usize, usize),
+        shift: u32,
+    ) {
+        const _: () = assert!(NOWHERE == u32::MAX);
+        let band_of = |key: u32| ((key >> shift) as usize).min(MAX_BANDS);
+        let mut counts = [0u32; MAX_BANDS + 1];
+        for (block, first) in blocks.iter_mut().zip((first..end).step_by(BLOCK)) {
+            self.census += block.find(source, finder, isa, first, BLOCK.min(end - first));
+            block.found().for_each(|(key, _)| counts[band_of(key)] += 1);
+        }
+        for (band, count) in counts[..MAX_BANDS].iter().enumerate() {
+            self.starts[band + 1] = self.starts[band] + count;
+        }
+        let (mut next, mask, count) = (self.starts, (1u32 << shift) - 1, end - first);
+        let Columns { keys, values, .. } = &mut self.sorted;
+        keys.resize(count, 0);
+        values[0].resize(count, T::NAN);
+        let (keys, values) = (&mut keys[..count], &mut values[0][..count]); // they stay where they are in the loop
+        for (key, z) in blocks.iter().flat_map(Block::found) {
+            let next = &mut next[band_of(key)];
+            keys[*next as usize] = key & mask;
+            values[*next as usize] = T::from_f64(z);
+            *next += 1;
         }
     }
 

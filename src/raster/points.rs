@@ -118,7 +118,9 @@ impl<T: Real> Source<'_, T> {
 /// A block of points: where those are that have a cell, and what they carry.
 pub(super) struct Block<T> {
     coordinates: [Vec<f64>; 3],
-    /// The cells of all points.
+    /// How many points were read.
+    count: usize,
+    /// The cells of all of them.
     all_keys: Vec<u32>,
     /// Which points of the block have a cell.
     positions: Vec<u32>,
@@ -137,6 +139,7 @@ impl<T: Real> Block<T> {
         let zeros = || vec![0.0; BLOCK];
         Self {
             coordinates: [zeros(), zeros(), zeros()],
+            count: 0,
             all_keys: vec![NOWHERE; BLOCK],
             positions: Vec::with_capacity(BLOCK),
             keys: Vec::with_capacity(BLOCK),
@@ -144,6 +147,33 @@ impl<T: Real> Block<T> {
             heights: Vec::with_capacity(BLOCK),
             wants_heights,
         }
+    }
+
+    /// Whether points carry their z and nothing else, so that [`Block::found`] says all of them.
+    pub(super) fn is_plain(&self, source: &Source<'_, T>) -> bool {
+        source.values.is_none() && !self.wants_heights
+    }
+
+    /// Finds the cells of `count` points from the `first` on, and returns what became of them.
+    pub(super) fn find(
+        &mut self,
+        source: &Source<'_, T>,
+        finder: &Finder,
+        isa: Isa,
+        first: usize,
+        count: usize,
+    ) -> Census {
+        let [x, y, z] = &mut self.coordinates;
+        let (x, y, z) = (&mut x[..count], &mut y[..count], &mut z[..count]);
+        source.points.load(isa, first, [x, y, z]);
+        self.count = count;
+        let (inside, ignored) = finder.keys(isa, [x, y, z], &mut self.all_keys[..count]);
+        Census { inside, ignored }
+    }
+
+    /// What the last [`Block::find`] found: the cell of each point, [`NOWHERE`] where it has none, and its z.
+    pub(super) fn found(&self) -> impl Iterator<Item = (u32, f64)> {
+        self.all_keys[..self.count].iter().copied().zip(self.coordinates[2].iter().copied())
     }
 
     /// Reads `count` points from the `first` on, and returns what became of them.
@@ -155,11 +185,8 @@ impl<T: Real> Block<T> {
         first: usize,
         count: usize,
     ) -> Census {
-        let [x, y, z] = &mut self.coordinates;
-        let (x, y, z) = (&mut x[..count], &mut y[..count], &mut z[..count]);
-        source.points.load(isa, first, [x, y, z]);
-        let all = &mut self.all_keys[..count];
-        let (mut inside, mut ignored) = finder.keys(isa, [x, y, z], all);
+        let Census { mut inside, mut ignored } = self.find(source, finder, isa, first, count);
+        let (all, z) = (&self.all_keys[..count], &self.coordinates[2][..count]);
         self.keys.clear();
         match source.values {
             None => {
