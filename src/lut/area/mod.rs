@@ -3,7 +3,7 @@
 //!
 //! A footprint is the parallelogram that a cell covers on the source, spanned by the central differences of the table's
 //! coordinates. It is averaged by a lattice of `n1 x n2` probes along its two sides, each a bilinear tap into the source
-//! or into a *level*: the source averaged over `2^kx x 2^ky` boxes, one box at every column. Which lattice and which
+//! or into a *level*: the source averaged over `2^kx x 2^ky` boxes that overlap by half. Which lattice and which
 //! level is its [`Shape`], chosen for eight cells at once; see docs/decisions/0013.
 
 mod build;
@@ -75,7 +75,7 @@ pub(crate) struct Cells {
 pub(crate) const PADDING: usize = 16;
 
 /// The source averaged over boxes of `2^kx` columns and `2^ky` rows: entry (column, row) is the box whose top-left pixel
-/// is (column, row * [`Level::row_step`]). Entries that no probe touches are never made.
+/// is at both shifted left by [`Level::log_step`]. Entries that no probe touches are never made.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Level {
     pub(crate) kx: u32,
@@ -87,14 +87,14 @@ pub(crate) struct Level {
 }
 
 impl Level {
-    /// log2 of the source rows from a row of the level to the next: boxes overlap by half.
-    pub(crate) fn log_row_step(ky: u32) -> u32 {
-        ky.saturating_sub(1)
+    /// log2 of the source's pixels from a box of `2^k` pixels to the next: boxes overlap by half.
+    pub(crate) fn log_step(k: u32) -> u32 {
+        k.saturating_sub(1)
     }
 
-    /// How many rows the whole level would have.
-    pub(crate) fn whole_rows(height: u32, ky: u32) -> u32 {
-        ((height - (1 << ky)) >> Self::log_row_step(ky)) + 1
+    /// How many boxes of `2^k` pixels there are along a side of the source.
+    pub(crate) fn boxes(side: u32, k: u32) -> u32 {
+        ((side - (1 << k)) >> Self::log_step(k)) + 1
     }
 }
 

@@ -25,8 +25,8 @@ impl Needs {
         if shape.halvings() == 0 {
             return; // the source itself
         }
-        let end = columns.end.min(width - shape.box_size().0 + 1);
-        let whole = Level::whole_rows(height, shape.ky.into());
+        let end = columns.end.min(Level::boxes(width, shape.kx.into()));
+        let whole = Level::boxes(height, shape.ky.into());
         let level = self.level(shape.kx, shape.ky, whole as usize);
         for row in &mut level[rows.start as usize..rows.end.min(whole) as usize] {
             *row = row.start.min(columns.start)..row.end.max(end);

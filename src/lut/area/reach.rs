@@ -19,7 +19,8 @@ pub(super) struct Lattice {
     corner: [i32; 2],
     /// The last entry of the level in each direction, in 1/1024 entry.
     last: [i32; 2],
-    row_step: u32,
+    /// log2 of the pixels from entry to entry.
+    steps: [u32; 2],
 }
 
 impl Lattice {
@@ -29,8 +30,9 @@ impl Lattice {
             shift,
             outermost: [shape.along, shape.down].map(|count| Shape::offset(count - 1, count)),
             corner: [box_width, box_height].map(|size| (size as i32 - 1) << (Q - 1)),
-            last: [width - box_width, Level::whole_rows(height, shape.ky.into()) - 1].map(|last| (last as i32) << Q),
-            row_step: Level::log_row_step(shape.ky.into()),
+            last: [(width, shape.kx), (height, shape.ky)]
+                .map(|(side, k)| ((Level::boxes(side, k.into()) - 1) as i32) << Q),
+            steps: [shape.kx, shape.ky].map(|k| Level::log_step(k.into())),
         }
     }
 }
@@ -92,7 +94,7 @@ fn bounds_of_blocks(
 ) {
     #[inline(always)]
     fn body(lattice: &Lattice, centre: [&[i32]; 2], sides: [&[i16]; 4], blocks: &mut [[i32; 4]], clipped: &mut [u8]) {
-        let Lattice { shift, outermost: [along, down], corner, last, row_step } = *lattice;
+        let Lattice { shift, outermost: [along, down], corner, last, steps } = *lattice;
         let cells = clipped.len();
         let ([x, y], [ax, ay, bx, by]) = (centre.map(|axis| &axis[..cells]), sides.map(|side| &side[..cells]));
         for (index, block) in blocks.iter_mut().enumerate() {
@@ -103,8 +105,8 @@ fn bounds_of_blocks(
                 };
                 let (middle_x, far_x) = (x[i] - corner[0], far(ax[i], bx[i]));
                 let (middle_y, far_y) = (y[i] - corner[1], far(ay[i], by[i]));
-                let (low_x, high_x) = (middle_x - far_x, middle_x + far_x);
-                let (low_y, high_y) = ((middle_y - far_y) >> row_step, (middle_y + far_y) >> row_step);
+                let (low_x, high_x) = ((middle_x - far_x) >> steps[0], (middle_x + far_x) >> steps[0]);
+                let (low_y, high_y) = ((middle_y - far_y) >> steps[1], (middle_y + far_y) >> steps[1]);
                 clipped[i] = u8::from((low_x < 0) | (low_y < 0) | (high_x >= last[0]) | (high_y >= last[1]));
                 (left, right) = (left.min(low_x), right.max(high_x));
                 (top, bottom) = (top.min(low_y), bottom.max(high_y));

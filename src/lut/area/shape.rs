@@ -80,7 +80,8 @@ impl Shape {
 /// Boxes must fit into the parallelogram, or they blur across it, and probes must lie no further apart than boxes are
 /// large, or pixels between them are missed. So boxes are a part of the chords through the middle of the footprint, and
 /// the sides are divided into boxes. Large footprints get more boxes to a chord, by the root of its length: there the
-/// result is so good that the corners of boxes show.
+/// result is so good that the corners of boxes show. They show most where the footprint lies across the pixels, and where
+/// it is a rectangle along them there are none.
 fn choose<const N: usize>(isa: Isa, largest: [u32; 2], sides: &[[f32; N]; 4], shapes: &mut [u32; N]) {
     let (sides, shapes) = (sides.each_ref().map(|side| &side[..]), &mut shapes[..]);
     for_each_isa!(isa, (body, body, body)(largest: [u32; 2], sides: [&[f32]; 4], shapes: &mut [u32]));
@@ -93,19 +94,26 @@ fn body(largest: [u32; 2], sides: [&[f32]; 4], shapes: &mut [u32]) {
     /// no shorter than `SHORTEST` across and down.
     const SINGLE: f32 = 3.0;
     const SHORTEST: [f32; 2] = [1.2, 0.6];
+    /// These, times this where the footprint fills this part of its bounding box or less, and more the more it fills.
+    const ACROSS: (f32, f32) = (0.6, 0.6);
+    const MORE: f32 = 4.8;
     /// Of a step between two sizes of boxes, how much is rounded up: 2^0.4.
     const UP: f32 = 1.32;
+    /// The same where the lattice is known: 2^0.32.
+    const UP_LEFT: f32 = 1.25;
     let count = shapes.len();
     let [ax, ay, bx, by] = sides.map(|side| &side[..count]);
     for i in 0..count {
         let area = (ax[i] * by[i] - ay[i] * bx[i]).abs();
         let [ax, ay, bx, by] = [ax[i].abs(), ay[i].abs(), bx[i].abs(), by[i].abs()];
+        let filled = area / larger((ax + bx) * (ay + by), 0.01);
+        let longer = ACROSS.0 + MORE * larger(smaller(filled, 1.0) - ACROSS.1, 0.0);
         let (wide, high) = (larger(larger(ax, bx), 1.0), larger(larger(ay, by), 1.0));
         // a footprint is at least a pixel thick
         let chord_x = larger(smaller(larger(area, wide) / high, wide), 1.0);
         let chord_y = larger(smaller(larger(area, high) / wide, high), 1.0);
         let target = |chord: f32, other: f32, shortest: f32| {
-            let single = larger(SINGLE / (other * other.sqrt()), shortest);
+            let single = longer * larger(SINGLE / (other * other.sqrt()), shortest);
             larger(smaller(chord, (single * chord).sqrt()), 1.0)
         };
         let box_x = power(floor_log2(target(chord_x, chord_y, SHORTEST[0]) * UP));
@@ -115,8 +123,8 @@ fn body(largest: [u32; 2], sides: [&[f32]; 4], shapes: &mut [u32]) {
         let (along, down) = (probes(ax, ay), probes(bx, by));
         // the boxes that fit what the lattice leaves between its probes
         let left = |a: f32, b: f32| larger(larger(a / along as f32, b / down as f32), 1.0);
-        let kx = floor_log2(left(ax, bx) * UP).min(largest[0]);
-        let ky = floor_log2(left(ay, by) * UP).min(largest[1]);
+        let kx = floor_log2(left(ax, bx) * UP_LEFT).min(largest[0]);
+        let ky = floor_log2(left(ay, by) * UP_LEFT).min(largest[1]);
         shapes[i] = kx | ky << 8 | (along as u32) << 16 | (down as u32) << 24;
     }
 }

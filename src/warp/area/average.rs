@@ -1,5 +1,6 @@
 //! Averages, sample by sample: of two rows, of four, and of the probes of a footprint.
 
+use super::pairs::Pairs;
 use crate::cpu::Isa;
 use crate::lut::kernels::for_each_isa;
 
@@ -11,6 +12,9 @@ pub trait Average: Sized {
 
     /// `out[i]` is the average of `a[i]` and `b[i]`; integers that lie halfway go `up` or down.
     fn halve(isa: Isa, up: bool, a: &[Self], b: &[Self], out: &mut [Self]);
+
+    /// The averages of neighbouring pixels, each pixel in one of them.
+    fn halve_pairs(isa: Isa, up: bool, channels: usize, pixels: &[Self], out: &mut [Self]);
 
     /// The average of `rows[0]` and `rows[1]`, of `rows[2]` and `rows[3]`, and of these two, which are rounded the other
     /// way.
@@ -48,6 +52,34 @@ macro_rules! average {
                     }
                 }
                 for_each_isa!(isa, (body, body, body)(up: bool, a: &[$type], b: &[$type], out: &mut [$type]));
+            }
+
+            fn halve_pairs(isa: Isa, up: bool, channels: usize, pixels: &[$type], out: &mut [$type]) {
+                let done = <$type as Pairs>::whole_vectors(isa, up, channels, pixels, out);
+                let (pixels, out) = (&pixels[2 * done * channels..], &mut out[done * channels..]);
+                /// `CHANNELS` is 0 for other numbers of them.
+                #[inline(always)]
+                fn some<const CHANNELS: usize>(up: bool, channels: usize, pixels: &[$type], out: &mut [$type]) {
+                    let channels = if CHANNELS == 0 { channels } else { CHANNELS };
+                    for (pair, out) in pixels.chunks_exact(2 * channels).zip(out.chunks_exact_mut(channels)) {
+                        let (left, right) = pair.split_at(channels);
+                        for ((out, &a), &b) in out.iter_mut().zip(left).zip(right) {
+                            *out = if up { $up(a, b) } else { $down(a, b) };
+                        }
+                    }
+                }
+                #[inline(always)]
+                fn body(up: bool, channels: usize, pixels: &[$type], out: &mut [$type]) {
+                    match channels {
+                        1 => some::<1>(up, channels, pixels, out),
+                        3 => some::<3>(up, channels, pixels, out),
+                        4 => some::<4>(up, channels, pixels, out),
+                        _ => some::<0>(up, channels, pixels, out),
+                    }
+                }
+                for_each_isa!(isa, (body, body, body)(
+                    up: bool, channels: usize, pixels: &[$type], out: &mut [$type]
+                ));
             }
 
             fn quarter(isa: Isa, up: bool, rows: [&[$type]; 4], out: &mut [$type]) {

@@ -21,8 +21,8 @@ pub(super) struct Room<'a> {
 impl<'a> Room<'a> {
     /// Room for the levels of images of so many bytes a pixel.
     pub(super) fn new(plan: &'a Plan, width: usize, pixel_bytes: usize) -> Result<Self> {
-        let rows: usize = plan.levels.iter().map(|level| level.columns.len()).sum();
-        let count = (rows * width * pixel_bytes).div_ceil(8);
+        let entries: usize = plan.levels.iter().map(|level| level.columns.len() * entries_of_row(level, width)).sum();
+        let count = (entries * pixel_bytes).div_ceil(8);
         // one that is in use elsewhere is not waited for
         let mut words = plan.pool.try_lock().ok().and_then(|mut pool| pool.pop()).unwrap_or_default();
         if words.len() < count {
@@ -54,6 +54,11 @@ impl Drop for Room<'_> {
     }
 }
 
+/// Entries of a row of the whole level of an image of this width.
+fn entries_of_row(level: &Level, width: usize) -> usize {
+    Level::boxes(width as u32, level.kx) as usize
+}
+
 /// The levels of one image, ready to be looked at.
 pub(super) struct Levels<'a, T> {
     source: ImageView<'a, T>,
@@ -68,26 +73,26 @@ impl<'a, T: Sample + Average> Levels<'a, T> {
         room: &'a mut Room<'_>,
         (isa, threads): (Isa, usize),
     ) -> Result<Self> {
-        let row = image.width() * image.channels();
+        let row = |level: &Level| entries_of_row(level, image.width()) * image.channels();
         let mut rest = room.samples::<T>();
         let mut parts = Vec::with_capacity(plan.levels.len());
         for level in &plan.levels {
-            let (own, others) = rest.split_at_mut(level.columns.len() * row);
+            let (own, others) = rest.split_at_mut(level.columns.len() * row(level));
             parts.push((level, own));
             rest = others;
         }
         let jobs = parts.iter_mut().flat_map(|(level, samples)| {
             let level: &Level = level;
-            samples.chunks_mut(CHUNK_ROWS * row).enumerate().map(move |(chunk, rows)| (level, chunk, rows))
+            samples.chunks_mut(CHUNK_ROWS * row(level)).enumerate().map(move |(chunk, rows)| (level, chunk, rows))
         });
         parallel::for_each(threads, jobs, |(level, chunk, rows)| {
             let mut scratch = Scratch::new(isa, image, level);
-            for (index, out) in (chunk * CHUNK_ROWS..).zip(rows.chunks_mut(row)) {
+            for (index, out) in (chunk * CHUNK_ROWS..).zip(rows.chunks_mut(row(level))) {
                 scratch.row(level.first_row as usize + index, level.columns[index].clone(), out);
             }
         });
         let view = |(level, samples): (&'a Level, &'a mut [T])| {
-            let size = (image.width(), level.columns.len());
+            let size = (entries_of_row(level, image.width()), level.columns.len());
             Ok((level, ImageView::new(samples, size, image.channels())?))
         };
         Ok(Self { source: *image, levels: parts.into_iter().map(view).collect::<Result<_>>()? })
@@ -128,8 +133,10 @@ impl<'a, T: Sample + Average> Scratch<'a, T> {
         }
         let channels = self.image.channels();
         let (start, end) = (columns.start as usize * channels, columns.end as usize * channels);
-        let all = start..end + ((1 << self.kx) - 1) * channels;
-        let y = row << Level::log_row_step(self.ky);
+        let step = Level::log_step(self.kx);
+        let pixels = (columns.start as usize) << step..(((columns.end - 1) as usize) << step) + (1 << self.kx);
+        let all = pixels.start * channels..pixels.end * channels;
+        let y = row << Level::log_step(self.ky);
         let out = &mut out[start..end];
         if self.kx == 0 {
             return down(self.isa, self.image, y, self.ky, &all, &mut self.halves, out);
@@ -139,20 +146,17 @@ impl<'a, T: Sample + Average> Scratch<'a, T> {
             let row = &mut self.row[..length];
             down(self.isa, self.image, y, self.ky, &all, &mut self.halves, row);
         }
-        let mut k = 0;
-        while k < self.kx {
-            let steps = (self.kx - k).min(2);
+        for k in 0..self.kx {
             let from = if k + self.ky == 0 { &source_row(self.image, y)[all.clone()] } else { &self.row[..length] };
-            length -= (((1 << steps) - 1) << k) * channels;
-            let to = if k + steps == self.kx { &mut *out } else { &mut self.next[..length] };
-            let (up, shifted) = ((k + self.ky).is_multiple_of(2), |boxes: usize| &from[(boxes << k) * channels..]);
-            if steps == 1 {
-                T::halve(self.isa, up, from, shifted(1), to);
+            let up = (k + self.ky).is_multiple_of(2);
+            if k + 1 == self.kx {
+                // boxes side by side become boxes that overlap by half
+                T::halve(self.isa, up, from, &from[channels..], &mut *out);
             } else {
-                T::quarter(self.isa, up, [from, shifted(1), shifted(2), shifted(3)], to);
+                length /= 2;
+                T::halve_pairs(self.isa, up, channels, from, &mut self.next[..length]);
+                std::mem::swap(&mut self.row, &mut self.next);
             }
-            k += steps;
-            std::mem::swap(&mut self.row, &mut self.next);
         }
     }
 }

@@ -7,6 +7,7 @@
 
 mod average;
 mod levels;
+mod pairs;
 mod probes;
 
 use std::slice;

@@ -13,21 +13,21 @@ pub(super) struct Lattice {
     shift: u8,
     /// From the middle of a box to its top-left pixel, 1/1024 pixel.
     corner: [i32; 2],
-    /// log2 of the source rows in a row of the level.
-    row_step: u32,
+    /// log2 of the source's pixels from entry to entry of the level.
+    steps: [u32; 2],
     first_row: i32,
     width: i32,
 }
 
 impl Lattice {
-    /// `first_row` is that of the level, `width` that of the source.
+    /// `first_row` is that of the level, `width` too.
     pub(super) fn new(piece: &Piece, first_row: u32, width: usize) -> Self {
         let (box_width, box_height) = piece.shape.box_size();
         Self {
             shape: piece.shape,
             shift: piece.shift,
             corner: [box_width, box_height].map(|size| (size as i32 - 1) << (Q - 1)),
-            row_step: Level::log_row_step(piece.shape.ky.into()),
+            steps: [piece.shape.kx, piece.shape.ky].map(|k| Level::log_step(k.into())),
             first_row: first_row as i32,
             width: width as i32,
         }
@@ -65,18 +65,18 @@ impl Lattice {
 
     /// The last column and row of the level of a source of this size.
     pub(super) fn last_entry(self, [width, height]: [i32; 2]) -> [i32; 2] {
-        let (box_width, _) = self.shape.box_size();
-        [width - box_width as i32, Level::whole_rows(height as u32, self.shape.ky.into()) as i32 - 1]
+        [(width, self.shape.kx), (height, self.shape.ky)]
+            .map(|(side, k)| Level::boxes(side as u32, k.into()) as i32 - 1)
     }
 
     /// The entry of the level whose box is around a position, moved so far that box and neighbours exist: whole column
     /// and row, and fractions in Q15. `last` is the level's last column and row.
     pub(super) fn entry(self, position: [i32; 2], last: [i32; 2]) -> ([usize; 2], [u32; 2]) {
-        let entry = |axis: usize, row_step: u32| {
-            let at = ((position[axis] - self.corner[axis]) >> row_step).clamp(0, last[axis] << Q);
+        let entry = |axis: usize| {
+            let at = ((position[axis] - self.corner[axis]) >> self.steps[axis]).clamp(0, last[axis] << Q);
             ((at >> Q) as usize, ((at & ((1 << Q) - 1)) << (15 - Q)) as u32)
         };
-        let ((x, fx), (y, fy)) = (entry(0, 0), entry(1, self.row_step));
+        let ((x, fx), (y, fy)) = (entry(0), entry(1));
         ([x, y], [fx, fy])
     }
 }
@@ -107,8 +107,8 @@ fn body(lattice: Lattice, offsets: [i32; 2], centre: [&[i32]; 2], sides: [&[i16]
         let at = |axis: usize, centre: i32, a: i16, b: i16| {
             centre - lattice.corner[axis] + probe_offset(lattice, offsets, [a.into(), b.into()])
         };
-        let column = at(0, x[i], ax[i], bx[i]);
-        let row = (at(1, y[i], ay[i], by[i]) >> lattice.row_step) - (lattice.first_row << Q);
+        let column = at(0, x[i], ax[i], bx[i]) >> lattice.steps[0];
+        let row = (at(1, y[i], ay[i], by[i]) >> lattice.steps[1]) - (lattice.first_row << Q);
         // rows times columns fit 32 bits, if not always with a sign
         let offset = (row >> Q).wrapping_mul(lattice.width).wrapping_add(column >> Q) as u32;
         let fraction = |at: i32| (at as u32 & ((1 << Q) - 1)) << (15 - Q);

@@ -1,0 +1,123 @@
+//! Averages of neighbouring pixels of 8 bits, a vector of them at a time: no compiler finds these shuffles.
+
+use crate::cpu::Isa;
+
+/// Samples of which an instruction set may average whole vectors.
+pub(super) trait Pairs: Sized {
+    /// Averages as many pairs of neighbouring pixels as fill whole vectors; returns how many. The rest is left to the
+    /// caller, and may have been written to.
+    fn whole_vectors(_isa: Isa, _up: bool, _channels: usize, _pixels: &[Self], _out: &mut [Self]) -> usize {
+        0
+    }
+}
+
+impl Pairs for u16 {}
+
+impl Pairs for f32 {}
+
+impl Pairs for u8 {
+    #[cfg(target_arch = "x86_64")]
+    fn whole_vectors(isa: Isa, up: bool, channels: usize, pixels: &[u8], out: &mut [u8]) -> usize {
+        // SAFETY: an `Isa` other than scalar is only made where `Isa::is_supported` found what it needs.
+        unsafe {
+            match (isa, channels) {
+                (Isa::Avx512, 1) => x86::avx512::<1>(up, pixels, out),
+                (Isa::Avx512, 2) => x86::avx512::<2>(up, pixels, out),
+                (Isa::Avx512, 3) => x86::avx512::<3>(up, pixels, out),
+                (Isa::Avx512, 4) => x86::avx512::<4>(up, pixels, out),
+                (Isa::Avx2, 1) => x86::avx2::<1>(up, pixels, out),
+                (Isa::Avx2, 2) => x86::avx2::<2>(up, pixels, out),
+                (Isa::Avx2, 3) => x86::avx2::<3>(up, pixels, out),
+                (Isa::Avx2, 4) => x86::avx2::<4>(up, pixels, out),
+                _ => 0,
+            }
+        }
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+mod x86 {
+    use std::arch::x86_64::*;
+
+    /// Where the left one of each pair is among the bytes of a vector of `N` bytes of averages.
+    const fn left<const CHANNELS: usize, const N: usize>() -> [u8; N] {
+        let mut order = [0; N];
+        let mut byte = 0;
+        // a pixel that the vector holds in part is not one of those averaged
+        while byte < N / CHANNELS * CHANNELS {
+            order[byte] = (2 * (byte / CHANNELS) * CHANNELS + byte % CHANNELS) as u8;
+            byte += 1;
+        }
+        order
+    }
+
+    /// 64 bytes at a time.
+    #[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512vbmi,avx512vnni")]
+    pub(super) fn avx512<const CHANNELS: usize>(up: bool, pixels: &[u8], out: &mut [u8]) -> usize {
+        let order = const { left::<CHANNELS, 64>() };
+        // SAFETY: the array is 64 bytes.
+        let left = unsafe { _mm512_loadu_si512(order.as_ptr().cast()) };
+        let right = _mm512_add_epi8(left, _mm512_set1_epi8(CHANNELS as i8));
+        let flip = _mm512_set1_epi8(if up { 0 } else { -1 });
+        let pairs_of = |low: __m512i, high: __m512i| {
+            let [a, b] = [left, right].map(|order| _mm512_permutex2var_epi8(low, order, high));
+            // halfway down is halfway up of what is left to 255
+            let average = _mm512_avg_epu8(_mm512_xor_si512(a, flip), _mm512_xor_si512(b, flip));
+            _mm512_xor_si512(average, flip)
+        };
+        let pairs = 64 / CHANNELS;
+        let mut done = 0;
+        while let (Some(from), Some(to)) = (
+            pixels.get(2 * done * CHANNELS..).and_then(<[u8]>::first_chunk::<128>),
+            out.get_mut(done * CHANNELS..).and_then(<[u8]>::first_chunk_mut::<64>),
+        ) {
+            // SAFETY: the arrays are 128 and 64 bytes.
+            unsafe {
+                let (low, high) =
+                    (_mm512_loadu_si512(from.as_ptr().cast()), _mm512_loadu_si512(from[64..].as_ptr().cast()));
+                _mm512_storeu_si512(to.as_mut_ptr().cast(), pairs_of(low, high));
+            }
+            done += pairs;
+        }
+        // what is left, at most a vector's worth, byte by byte as far as there are any
+        let count = ((pixels.len() / 2).min(out.len()) / CHANNELS - done).min(pairs);
+        let (from, to) = (&pixels[2 * done * CHANNELS..], &mut out[done * CHANNELS..]);
+        let bytes = count * CHANNELS;
+        let first = |count: usize| if count < 64 { (1u64 << count) - 1 } else { u64::MAX };
+        assert!(2 * bytes <= from.len() && bytes <= to.len());
+        // SAFETY: nothing is loaded or stored without its bit, and so many bytes exist.
+        unsafe {
+            let low = _mm512_maskz_loadu_epi8(first(2 * bytes), from.as_ptr().cast());
+            let rest = first((2 * bytes).saturating_sub(64));
+            let high = _mm512_maskz_loadu_epi8(rest, from.as_ptr().wrapping_add(64).cast());
+            let average = pairs_of(low, high);
+            _mm512_mask_storeu_epi8(to.as_mut_ptr().cast(), first(bytes), average);
+        }
+        done + count
+    }
+
+    /// 8 bytes at a time.
+    #[target_feature(enable = "avx2")]
+    pub(super) fn avx2<const CHANNELS: usize>(up: bool, pixels: &[u8], out: &mut [u8]) -> usize {
+        let order = const { left::<CHANNELS, 8>() };
+        // SAFETY: the array is 8 bytes.
+        let left = unsafe { _mm_loadl_epi64(order.as_ptr().cast()) };
+        let right = _mm_add_epi8(left, _mm_set1_epi8(CHANNELS as i8));
+        let flip = _mm_set1_epi8(if up { 0 } else { -1 });
+        let pairs = 8 / CHANNELS;
+        let mut done = 0;
+        while let (Some(from), Some(to)) = (
+            pixels.get(2 * done * CHANNELS..).and_then(<[u8]>::first_chunk::<16>),
+            out.get_mut(done * CHANNELS..).and_then(<[u8]>::first_chunk_mut::<8>),
+        ) {
+            // SAFETY: the arrays are 16 and 8 bytes.
+            unsafe {
+                let bytes = _mm_xor_si128(_mm_loadu_si128(from.as_ptr().cast()), flip);
+                let [a, b] = [left, right].map(|order| _mm_shuffle_epi8(bytes, order));
+                _mm_storel_epi64(to.as_mut_ptr().cast(), _mm_xor_si128(_mm_avg_epu8(a, b), flip));
+            }
+            done += pairs;
+        }
+        done
+    }
+}
