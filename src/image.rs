@@ -233,10 +233,12 @@ impl<'a, T> RowsMut<'a, T> {
     /// The samples of the next `rows` rows, or of as many as there are, if nothing lies between them.
     pub(crate) fn flat(&mut self, rows: usize) -> Option<&mut [T]> {
         let samples = rows.min(self.rows) * self.row_length;
+        if self.row_stride != self.row_length as isize {
+            return None;
+        }
         // SAFETY: without gaps the rows that `ImageViewMut::from_raw` was promised are one piece of memory; none of
         // them has been handed out, and none can be while the slice borrows all of them.
-        (self.row_stride == self.row_length as isize)
-            .then(|| unsafe { std::slice::from_raw_parts_mut(self.next, samples) })
+        Some(unsafe { std::slice::from_raw_parts_mut(self.next, samples) })
     }
 }
 

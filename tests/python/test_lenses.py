@@ -164,8 +164,7 @@ def test_is_the_reference_over_the_whole_domain(lens):
 def test_the_domain_ends_where_the_reference_folds(lens):
     if isinstance(lens, ipm_rs.Ocam | ipm_rs.DoubleSphere | ipm_rs.Eucm):
         # these know their end themselves: up to there nothing folds
-        unlimited = lambda rays: lenses.image_of(rays, lens)  # noqa: E731
-        assert lenses.fold_angle(unlimited, 1e-3) > lens.max_angle - 3e-3
+        assert lenses.fold_angle(lambda rays: lenses.image_of(rays, lens), 1e-3) > lens.max_angle - 3e-3
         return
     formula = {
         "BrownConrady": lambda rays: lenses.brown_conrady(rays, lens.coefficients),

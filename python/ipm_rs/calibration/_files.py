@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+from collections import Counter
 from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
@@ -125,8 +126,8 @@ def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     """One JSON object; a repeated key is refused, where ``json`` would keep the last silently."""
     content = dict(pairs)
     if len(content) != len(pairs):
-        seen: set[str] = set()
-        repeated = sorted({key for key, _ in pairs if key in seen or seen.add(key)})  # type: ignore[func-returns-value]
+        counts = Counter(key for key, _ in pairs)
+        repeated = sorted(key for key, count in counts.items() if count > 1)
         raise CalibrationError(f"expected every key once, got {', '.join(map(repr, repeated))} repeated; keep one")
     return content
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any
 
 from ipm_rs.calibration._checks import Section
@@ -119,7 +119,15 @@ class Files:
         path = self.document.path
         if self.document.is_directory:
             return parse(Document(str(path / name), self.title))
-        # the file itself, or nothing, which reading it will say; Path.is_file raises where a name is too long
-        if path.name == name or not os.path.isfile(path):  # noqa: PTH113
+        # the file itself, or nothing, which reading it will say
+        if path.name == name or not _is_file(path):
             return parse(self.document)
         return parse(Document(str(path.with_name(name)), self.title))
+
+
+def _is_file(path: Path) -> bool:
+    """Whether there is such a file; where its name is too long to ask, there is none."""
+    try:
+        return path.is_file()
+    except OSError:
+        return False
