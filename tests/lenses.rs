@@ -18,6 +18,12 @@ fn direction(angle: f64, azimuth: f64) -> Vector3<f64> {
     Vector3::new(angle.sin() * azimuth.cos(), angle.sin() * azimuth.sin(), angle.cos())
 }
 
+/// How far the image at m moves for a radian towards the axis.
+fn slope(lens: &Lens, angle: f64, azimuth: f64, m: [f64; 2]) -> f64 {
+    let h = 1e-7f64.min(0.25 * (lens.max_angle() - angle)).max(1e-15);
+    lens.project(&direction(angle - h, azimuth)).map_or(0.0, |n| (m[0] - n[0]).hypot(m[1] - n[1]) / h)
+}
+
 /// Any lens of any model, with parameters as real ones have them, and the focal length of its K.
 fn any_lens() -> impl Strategy<Value = (Lens, f64)> {
     let small = -0.01..0.01;
@@ -64,8 +70,7 @@ proptest! {
             prop_assert!(angle > lens.max_angle() * (1.0 - 1e-7), "{lens} {angle}");
             return Ok(());
         };
-        let h = 1e-7f64.min(0.25 * (lens.max_angle() - angle)).max(1e-15);
-        let slope = lens.project(&direction(angle - h, azimuth)).map_or(0.0, |n| (m[0] - n[0]).hypot(m[1] - n[1]) / h);
+        let slope = slope(&lens, angle, azimuth, m);
         let tolerance = 1e-9 + focal * slope * 4e-15;
         if focal * m[0].hypot(m[1]) > 1e6 { return Ok(()); }
         let back = lens.unproject(m);
@@ -91,6 +96,40 @@ proptest! {
         let outwards = [b[0] - a[0], b[1] - a[1]];
         let sideways = [d[0] - c[0], d[1] - c[1]];
         prop_assert!(outwards[0] * sideways[1] - outwards[1] * sideways[0] > 0.0, "{lens} {angle} of {}", lens.max_angle());
+    }
+
+    /// Double spheres and EUCMs that see almost straight behind, where sums of what differs in sign lose their digits: within
+    /// 3e-3 of there and of the edge, the image of the direction of an image is that image.
+    #[test]
+    fn there_and_back_almost_straight_behind(
+        (near, off, sign) in (0..2u8, -12.0..-1.0f64, prop::bool::ANY),
+        xi in -0.999..1.0f64,
+        beta in 0.5..2.0f64,
+        (gap, edge) in (-8.0..-2.5f64, prop::bool::ANY),
+        azimuth in -PI..PI,
+    ) {
+        let off = 10f64.powf(off) * if sign { 1.0 } else { -1.0 };
+        let xi = if near == 0 { xi } else { 1.0 - off.abs() };
+        for lens in [
+            Lens::from(DoubleSphere::new(xi, 0.5, None).unwrap()),
+            DoubleSphere::new(xi, 0.5 + off, None).unwrap().into(),
+            DoubleSphere::new(1.0, 0.5, None).unwrap().into(),
+            Eucm::new(0.5, beta, None).unwrap().into(),
+            Eucm::new(0.5 + off, beta, None).unwrap().into(),
+        ] {
+            let gap = if edge { 10f64.powf(gap) * 0.1 } else { 10f64.powf(gap).max(1e-7) };
+            let angle = if edge { lens.max_angle() - gap } else { PI - gap };
+            if angle > lens.max_angle() || PI - angle < 1e-7 { continue; }
+            let m = lens.project(&direction(angle, azimuth));
+            prop_assert!(m.is_some(), "{lens} {angle}");
+            let m = m.unwrap();
+            let back = lens.unproject(m);
+            prop_assert!(back.is_some(), "{lens} {gap:e} {edge}");
+            let again = lens.project(&back.unwrap()).unwrap();
+            let tolerance = 1e-9 + 350.0 * slope(&lens, angle, azimuth, m) * 4e-15;
+            let error = 350.0 * (again[0] - m[0]).hypot(again[1] - m[1]);
+            prop_assert!(error < tolerance || 350.0 * m[0].hypot(m[1]) > 1e6, "{lens} {gap:e} {edge}: {error:e}");
+        }
     }
 
     /// What has no direction is refused, and what is given one is its image.

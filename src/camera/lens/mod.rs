@@ -23,6 +23,7 @@ pub use ocam::Ocam;
 pub use radial_polynomial::RadialPolynomial;
 
 pub(crate) use brown_conrady::Terms;
+pub(crate) use double_sphere::Spheres;
 
 use nalgebra::Vector3;
 
@@ -81,8 +82,8 @@ impl Lens {
     /// `None` outside the domain.
     pub fn project(&self, direction: &Vector3<f64>) -> Option<[f64; 2]> {
         let largest = direction.amax();
-        // squares of what is larger or smaller would not be finite or not be numbers of full precision
-        let sane = (1e-100..1e100).contains(&largest);
+        // fourth powers of what is larger or smaller would not be finite or not be numbers of full precision
+        let sane = (1e-70..1e70).contains(&largest);
         let ray = if sane { *direction } else { direction / largest };
         let (mx, my) = each_model!(self, model => model.distort(ray.x, ray.y, ray.z));
         (mx.is_finite() && my.is_finite()).then_some([mx, my])
@@ -101,9 +102,9 @@ impl Lens {
         let found = each_model!(self, model => model.undistort(m))?.normalize();
         let size = 1.0 + m[0].hypot(m[1]) / self.unit();
         let tolerance = TOLERANCE * size * size.min(FARTHEST) * self.unit();
-        // at the edge of the domain, where the image stands still, rounding leaves it by up to 1e-8
+        // at the edge of the domain, where the image stands still, rounding leaves it by 1e-8 and more
         [0.0, 1e-15, 1e-12, 1e-10, 1e-8].into_iter().find_map(|pull| {
-            let ray = if pull == 0.0 { found } else { towards_axis(&found, pull) };
+            let ray = if pull == 0.0 { found } else { towards_axis(&found, self.max_angle(), pull) };
             let [mx, my] = self.project(&ray)?;
             // what Ocam is defined by is this way; the other is uncertain near the edge
             let defined = matches!(self, Self::Ocam(_));
@@ -157,10 +158,10 @@ macro_rules! lens_from {
 }
 lens_from!(BrownConrady, KannalaBrandt, Mei, DoubleSphere, Eucm, RadialPolynomial, Ocam);
 
-/// A unit direction turned towards +z by a small angle.
-fn towards_axis(ray: &Vector3<f64>, angle: f64) -> Vector3<f64> {
+/// A unit direction, turned towards +z as far as `widest` if it is farther from it, and a small angle more.
+fn towards_axis(ray: &Vector3<f64>, widest: f64, pull: f64) -> Vector3<f64> {
     let r = ray.x.hypot(ray.y);
-    let (sin, cos) = (r.atan2(ray.z) - angle).sin_cos();
+    let (sin, cos) = (r.atan2(ray.z).min(widest) - pull).sin_cos();
     Vector3::new(ray.x / r * sin, ray.y / r * sin, cos)
 }
 

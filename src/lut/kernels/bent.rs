@@ -3,8 +3,8 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::for_each_isa;
-use crate::camera::lens::{Distort, Terms};
-use crate::camera::{DoubleSphere, Eucm, KannalaBrandt, Lens, Mei, Ocam, RadialPolynomial};
+use crate::camera::lens::{Distort, Spheres, Terms};
+use crate::camera::{Eucm, KannalaBrandt, Lens, Mei, Ocam, RadialPolynomial};
 use crate::cpu::Isa;
 
 /// A row of points in the camera frame behind a lens: `(u, v) = K (lens(origin + offset), 1)`.
@@ -53,7 +53,8 @@ impl BentRow<'_> {
             },
             Lens::KannalaBrandt(lens) => with!(lens, KannalaBrandt),
             Lens::Mei(lens) => with!(lens, Mei),
-            Lens::DoubleSphere(lens) => with!(lens, DoubleSphere),
+            Lens::DoubleSphere(lens) if lens.is_near() => with!(&Spheres::<true>(*lens), Spheres<true>),
+            Lens::DoubleSphere(lens) => with!(&Spheres::<false>(*lens), Spheres<false>),
             Lens::Eucm(lens) => with!(lens, Eucm),
             Lens::RadialPolynomial(lens) => with!(lens, RadialPolynomial),
             Lens::Ocam(lens) => with!(lens, Ocam),
@@ -99,7 +100,7 @@ fn fill<L: Distort, const SKEW: bool>(row: &BentRow<'_>, lens: &L, offsets: &Off
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::camera::{BrownConrady, Camera, Pinhole};
+    use crate::camera::{BrownConrady, Camera, DoubleSphere, Pinhole};
 
     fn lenses() -> Vec<Lens> {
         let bent = [0.1, 0.02, 1e-3, -2e-3, 3e-3, 0.2, 0.1, 0.01, 1e-3, 2e-3, -1e-3, 3e-4, 0.03, -0.05];
@@ -114,6 +115,7 @@ mod tests {
             Mei::new(2.2, &[0.016, 1.65, 4e-4, -5e-4], None).unwrap().into(),
             Mei::new(0.9, &[-0.02, 0.001, 4e-4, -5e-4], Some(1.9)).unwrap().into(),
             DoubleSphere::new(-0.2, 0.6, None).unwrap().into(),
+            DoubleSphere::new(0.95, 0.5, None).unwrap().into(),
             Eucm::new(0.6, 1.1, None).unwrap().into(),
             RadialPolynomial::new(&[340.0, -32.0, 48.0, -7.2], None).unwrap().into(),
             Ocam::new(&[-300.0, 0.0, 1e-3, -1e-6, 1e-9], [1.001, 2e-3, -3e-3], None).unwrap().into(),
