@@ -143,7 +143,9 @@ impl<T: Sample + Ord> Job<'_, T> {
             return;
         }
         let size = [self.labels.image.width(), self.labels.image.height()];
-        let part = |side: i32, index: u8, count: u8| (i64::from(side) * i64::from(Shape::offset(index, count))) >> 14;
+        let part = |side: i32, index: u8, count: u8| {
+            (i64::from(side) * i64::from(Shape::offsets(count)[usize::from(index)])) >> 14
+        };
         let pixel = |centre: i32, a: i64, b: i64, size: usize| {
             usize::try_from((i64::from(centre) + a + b + (1 << (Q - 1))) >> Q).ok().filter(|&at| at < size)
         };

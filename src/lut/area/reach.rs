@@ -28,7 +28,8 @@ impl Lattice {
         let (box_width, box_height) = shape.box_size();
         Self {
             shift,
-            outermost: [shape.along, shape.down].map(|count| Shape::offset(count - 1, count)),
+            outermost: [shape.along, shape.down]
+                .map(|count| Shape::offsets(count).last().map_or(0, |&last| last.into())),
             corner: [box_width, box_height].map(|size| (size as i32 - 1) << (Q - 1)),
             last: [(width, shape.kx), (height, shape.ky)]
                 .map(|(side, k)| ((Level::boxes(side, k.into()) - 1) as i32) << Q),

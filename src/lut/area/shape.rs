@@ -51,11 +51,24 @@ impl Shape {
         }
     }
 
-    /// The offset of probe `index` of `count` along a side of length 1, in 1/16384.
+    /// The offsets of `count` probes along a side of length 1, in 1/16384.
     #[inline]
-    pub(crate) fn offset(index: u8, count: u8) -> i32 {
-        let (index, count) = (i32::from(index), i32::from(count));
-        ((2 * index + 1 - count) << 13) / count
+    pub(crate) fn offsets(count: u8) -> &'static [i16] {
+        const MOST: usize = MAX_PROBES as usize;
+        static OFFSETS: [[i16; MOST]; MOST + 1] = {
+            let mut offsets = [[0; MOST]; MOST + 1];
+            let mut count = 1;
+            while count <= MOST {
+                let mut index = 0;
+                while index < count {
+                    offsets[count][index] = (((2 * index + 1) as i32 - count as i32) * (1 << 13) / count as i32) as i16;
+                    index += 1;
+                }
+                count += 1;
+            }
+            offsets
+        };
+        &OFFSETS[usize::from(count)][..count.into()]
     }
 
     /// Columns and rows of a box.

@@ -15,7 +15,7 @@ use std::slice;
 pub(crate) use average::Average;
 
 use super::WarpOptions;
-use super::kernels::{Bilinear, RowKernels, Source, sealed::Blend};
+use super::kernels::{Bilinear, ProbesKernel, RowKernels, Source, sealed::Blend};
 use crate::cpu::Isa;
 use crate::error::Result;
 use crate::image::{ImageView, ImageViewMut, RowsMut};
@@ -24,7 +24,7 @@ use crate::lut::area::{Cells, PADDING, Piece, Plan, Shape};
 use crate::lut::table::{RunKind, Segment, Tap};
 use crate::parallel;
 use levels::{Levels, Room};
-use probes::Lattice;
+use probes::{Lattice, is_lean};
 
 /// So many cells are probed at once, and at the end of a piece up to a vector more: taps, one probe and the sums of three
 /// channels are 1.5 KB.
@@ -57,6 +57,7 @@ pub(super) fn warp<T: Bilinear>(
             isa,
             bilinear: options.kernels(slice::from_ref(image))?,
             on_levels: RowKernels::bilinear(isa, channels, true),
+            fused: T::probes(isa, channels),
             levels: &levels,
             source: &source,
         };
@@ -73,6 +74,8 @@ struct Job<'a, T> {
     isa: Isa,
     bilinear: RowKernels<T>,
     on_levels: RowKernels<T>,
+    /// All probes of a footprint at once, where there is a kernel for it.
+    fused: Option<ProbesKernel<T>>,
     levels: &'a Levels<'a, T>,
     source: &'a Source<'a, T>,
 }
@@ -157,6 +160,9 @@ impl<T: Bilinear> Job<'_, T> {
             (self.on_levels.inside, self.source.border())
         };
         let level = Source::new(level, border);
+        if let Some(fused) = self.fused {
+            return fused(&level, &lattice.probes(footprints, start), cells);
+        }
         let (mut first, mut rest) = (start, cells);
         while !rest.is_empty() {
             // no rest of a few cells, for which kernels have no vectors
@@ -236,7 +242,7 @@ impl<T: Bilinear> Job<'_, T> {
 
     fn finish(&self, shape: Shape, count: u32, sums: &[T::Sum], values: &mut [T]) {
         if count > 1 {
-            T::finish(self.isa, count, shape.halvings() % 2 == 1, sums, values);
+            T::finish(self.isa, count, is_lean(shape), sums, values);
         }
     }
 }

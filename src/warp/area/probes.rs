@@ -4,6 +4,7 @@ use crate::cpu::Isa;
 use crate::lut::area::{Cells, Level, Piece, Q, Shape};
 use crate::lut::kernels::for_each_isa;
 use crate::lut::table::Tap;
+use crate::warp::kernels::Probes;
 
 /// How the taps of a piece's probes follow from its footprints.
 #[derive(Clone, Copy)]
@@ -43,9 +44,24 @@ impl Lattice {
         taps_of_cells(isa, self, self.offsets(probe), centre, sides, taps);
     }
 
+    /// The probes of all footprints from `first` on, for kernels that find them themselves.
+    pub(super) fn probes<'a>(self, cells: &'a Cells, first: usize) -> Probes<'a> {
+        let origin = [self.corner[0], self.corner[1] + (self.first_row << (Q + self.steps[1]))];
+        Probes {
+            centre: [&cells.x[first..], &cells.y[first..]],
+            sides: [&cells.along[0], &cells.along[1], &cells.down[0], &cells.down[1]].map(|side| &side[first..]),
+            offsets: [Shape::offsets(self.shape.along), Shape::offsets(self.shape.down)],
+            shift: 14 - u32::from(self.shift),
+            origin,
+            steps: self.steps,
+            lean: is_lean(self.shape),
+        }
+    }
+
     /// How far a probe is along each side of the footprint, in 1/16384.
     fn offsets(self, (along, down): (u8, u8)) -> [i32; 2] {
-        [Shape::offset(along, self.shape.along), Shape::offset(down, self.shape.down)]
+        let offset = |index: u8, count: u8| Shape::offsets(count)[usize::from(index)].into();
+        [offset(along, self.shape.along), offset(down, self.shape.down)]
     }
 
     /// Where a probe of one footprint is on the source, 1/1024 pixel.
@@ -79,6 +95,11 @@ impl Lattice {
         let ((x, fx), (y, fy)) = (entry(0), entry(1));
         ([x, y], [fx, fy])
     }
+}
+
+/// Whether averages of this shape's levels were rounded up once more than down.
+pub(super) fn is_lean(shape: Shape) -> bool {
+    shape.halvings() % 2 == 1
 }
 
 #[inline(always)]

@@ -87,6 +87,36 @@ impl<'a, T: Sample> Source<'a, T> {
 /// Fills neighbouring cells from their taps; `cells` holds `taps.len() * channels` samples.
 pub(crate) type RowKernel<T> = fn(&Source<'_, T>, &[Tap], &mut [T]);
 
+/// Neighbouring footprints that are averaged alike, and where their probes lie: at centre + along a + down d, for each
+/// of the offsets a along one side of the footprint and d along the other.
+pub(crate) struct Probes<'a> {
+    /// Column and row of each footprint's middle on the source, 1/1024 pixel.
+    pub(crate) centre: [&'a [i32]; 2],
+    /// x and y of the side along, x and y of the side down, 1/1024 pixel before `shift`.
+    pub(crate) sides: [&'a [i16]; 4],
+    /// The offsets along each side, in 1/16384 of it.
+    pub(crate) offsets: [&'a [i16]; 2],
+    /// Products of sides and offsets are 1/1024 pixel after shifting right by so much.
+    pub(crate) shift: u32,
+    /// What the first entry of the image to look at is from pixel (0, 0), 1/1024 pixel.
+    pub(crate) origin: [i32; 2],
+    /// log2 of the pixels from entry to entry of the image.
+    pub(crate) steps: [u32; 2],
+    /// Whether the average is rounded as [`Average::finish`](crate::warp::area::Average::finish) says.
+    pub(crate) lean: bool,
+}
+
+impl Probes<'_> {
+    /// Probes of a footprint: at most 256.
+    pub(crate) fn count(&self) -> u32 {
+        (self.offsets[0].len() * self.offsets[1].len()) as u32
+    }
+}
+
+/// Fills neighbouring cells with the averages of their probes, all of whose pixels exist. The arrays of `Probes` go on for
+/// another 15 footprints of anything at all.
+pub(crate) type ProbesKernel<T> = fn(&Source<'_, T>, &Probes<'_>, &mut [T]);
+
 /// The kernels of one warp.
 pub(crate) struct RowKernels<T> {
     /// For cells whose four pixels all exist.
@@ -151,7 +181,7 @@ impl Bilinear for u16 {}
 impl Bilinear for f32 {}
 
 pub(crate) mod sealed {
-    use super::{Isa, RowKernel};
+    use super::{Isa, ProbesKernel, RowKernel};
 
     /// The arithmetic of one dtype; see the module's contract.
     pub trait Blend: Sized {
@@ -165,6 +195,12 @@ pub(crate) mod sealed {
         #[expect(private_interfaces, reason = "sealed: nobody outside can call it")]
         fn special(isa: Isa, channels: usize) -> Option<RowKernel<Self>>;
 
+        /// The kernel that averages probes, likewise: faster than a kernel for each and a sum.
+        #[expect(private_interfaces, reason = "sealed: nobody outside can call it")]
+        fn probes(_isa: Isa, _channels: usize) -> Option<ProbesKernel<Self>> {
+            None
+        }
+
         /// Four samples (top left, top right, bottom left, bottom right) to one.
         fn blend(weights: Self::Weights, taps: [Self; 4]) -> Self;
     }
@@ -174,6 +210,11 @@ impl sealed::Blend for u8 {
     #[expect(private_interfaces, reason = "sealed: nobody outside can call it")]
     fn special(isa: Isa, channels: usize) -> Option<RowKernel<u8>> {
         special::bilinear_u8(isa, channels)
+    }
+
+    #[expect(private_interfaces, reason = "sealed: nobody outside can call it")]
+    fn probes(isa: Isa, channels: usize) -> Option<ProbesKernel<u8>> {
+        special::probes_u8(isa, channels)
     }
 
     /// Q15, they sum to 32768.

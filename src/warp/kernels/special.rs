@@ -1,9 +1,9 @@
 //! Which instruction set has a kernel for what. Nothing else calls the kernels of an instruction set, and they work on
 //! images of any row stride; where there is none, the scalar kernel serves.
 
-use super::RowKernel;
 #[cfg(target_arch = "aarch64")]
 use super::neon;
+use super::{ProbesKernel, RowKernel};
 #[cfg(target_arch = "x86_64")]
 use super::{avx2, avx512};
 use crate::cpu::Isa;
@@ -85,6 +85,17 @@ pub(super) fn bilinear_u8(isa: Isa, channels: usize) -> Option<RowKernel<u8>> {
             4 => kernel!(neon::bilinear_u8::<4>),
             _ => None,
         },
+        _ => None,
+    }
+}
+
+/// Averages of probes into 8-bit images.
+pub(super) fn probes_u8(isa: Isa, channels: usize) -> Option<ProbesKernel<u8>> {
+    match (isa, channels) {
+        #[cfg(target_arch = "x86_64")]
+        (Isa::Avx512, 3) => kernel!(avx512::probes_u8::<3>),
+        #[cfg(target_arch = "x86_64")]
+        (Isa::Avx512, 4) => kernel!(avx512::probes_u8::<4>),
         _ => None,
     }
 }

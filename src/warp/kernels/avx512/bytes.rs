@@ -39,8 +39,7 @@ pub(in crate::warp::kernels) fn bilinear_u8<const CHANNELS: usize>(
 ) {
     let plane = Plane::new(source).filter(|_| taps.len() >= 16);
     let Some(plane) = plane else { return scalar::bilinear::<u8, CHANNELS, false>(source, taps, cells) };
-    let limit = |bytes| plane.limit(bytes) as isize;
-    let reach = Reach { near: limit(64), wide: limit(128), gathered: limit(GATHERED) };
+    let reach = Reach::new(&plane);
     for group in 0..taps.len().div_ceil(16) {
         // the last group reaches back to be whole: some cells are blended twice
         let first = (16 * group).min(taps.len() - 16);
@@ -81,21 +80,29 @@ fn blend_group<const CHANNELS: usize>(plane: &Plane<'_>, reach: Reach, taps: &[T
         let [left, right] = gather_twos(plane, taps, positions).map(|pixels| weights.blend(pixels));
         store_planar::<CHANNELS>([left, right, right, right], cells);
     } else {
-        store_interleaved::<CHANNELS>(gather::<CHANNELS>(plane, taps, positions, &weights), cells);
+        let at = scalar_positions::<CHANNELS>(plane, taps, positions);
+        store_interleaved::<CHANNELS>(gather::<CHANNELS>(plane, at, &weights), cells);
     }
     true
 }
 
 /// The last byte positions from which the loads of each way stay inside the image, there and one row below.
 #[derive(Clone, Copy)]
-struct Reach {
-    near: isize,
-    wide: isize,
-    gathered: isize,
+pub(super) struct Reach {
+    pub(super) near: isize,
+    pub(super) wide: isize,
+    pub(super) gathered: isize,
+}
+
+impl Reach {
+    pub(super) fn new(plane: &Plane<'_>) -> Self {
+        let limit = |bytes| plane.limit(bytes) as isize;
+        Self { near: limit(64), wide: limit(128), gathered: limit(GATHERED) }
+    }
 }
 
 /// The weights of sixteen cells as bytes, in the order top left, top right, bottom right, bottom left.
-struct Weights {
+pub(super) struct Weights {
     high: __m512i,
     low: __m512i,
 }
@@ -103,7 +110,7 @@ struct Weights {
 impl Weights {
     #[inline]
     #[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512vbmi,avx512vnni")]
-    fn new(fractions: __m512i) -> Self {
+    pub(super) fn new(fractions: __m512i) -> Self {
         // in 16-bit halves of a lane, low | high:
         let xy = _mm512_and_si512(fractions, _mm512_set1_epi16(0x7fff)); // fx | fy
         let yx = _mm512_rol_epi32::<16>(xy); // fy | fx
@@ -149,14 +156,14 @@ impl Weights {
 }
 
 /// 64 or 128 bytes (`VECTORS`) from two neighbouring rows, as `p - 128`.
-struct Window {
+pub(super) struct Window {
     top: [__m512i; 2],
     bottom: [__m512i; 2],
 }
 
 #[inline]
 #[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512vbmi,avx512vnni")]
-fn load_window<const VECTORS: usize>(plane: &Plane<'_>, base: usize) -> Window {
+pub(super) fn load_window<const VECTORS: usize>(plane: &Plane<'_>, base: usize) -> Window {
     debug_assert!(base as isize <= plane.limit(64 * VECTORS) as isize);
     let top = plane.start().wrapping_add(base);
     let bottom = top.wrapping_offset(plane.row_stride);
@@ -176,7 +183,7 @@ fn load_window<const VECTORS: usize>(plane: &Plane<'_>, base: usize) -> Window {
 /// The taps at `index`, from windows of 64 bytes.
 #[inline]
 #[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512vbmi,avx512vnni")]
-fn near(rows: &Window, index: __m512i) -> __m512i {
+pub(super) fn near(rows: &Window, index: __m512i) -> __m512i {
     // bytes 2 and 3 of a lane are of the bottom row: the second table
     let index = _mm512_or_si512(index, _mm512_set1_epi32(0x4040_0000));
     _mm512_permutex2var_epi8(rows.top[0], index, rows.bottom[0])
@@ -185,7 +192,7 @@ fn near(rows: &Window, index: __m512i) -> __m512i {
 /// The taps at `index`, from windows of 128 bytes.
 #[inline]
 #[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512vbmi,avx512vnni")]
-fn wide(rows: &Window, index: __m512i) -> __m512i {
+pub(super) fn wide(rows: &Window, index: __m512i) -> __m512i {
     const BOTTOM: u64 = 0xcccc_cccc_cccc_cccc;
     let top = _mm512_permutex2var_epi8(rows.top[0], index, rows.top[1]);
     let bottom = _mm512_permutex2var_epi8(rows.bottom[0], index, rows.bottom[1]);
@@ -195,7 +202,7 @@ fn wide(rows: &Window, index: __m512i) -> __m512i {
 /// The blends of each channel of sixteen cells; `pick` takes bytes of a window.
 #[inline]
 #[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512vbmi,avx512vnni")]
-fn planar<const CHANNELS: usize>(
+pub(super) fn planar<const CHANNELS: usize>(
     weights: &Weights,
     distances: __m512i,
     pick: impl Fn(__m512i) -> __m512i,
@@ -263,13 +270,7 @@ pub(super) fn store_cells<const CHANNELS: usize>(sixteen: __m512i, cells: &mut [
 /// The blends of sixteen cells of 3 or 4 channels, four lanes to a cell: vector q holds cells q, 4 + q, 8 + q, 12 + q.
 #[inline]
 #[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512vbmi,avx512vnni")]
-fn gather<const CHANNELS: usize>(
-    plane: &Plane<'_>,
-    taps: &[Tap; 16],
-    positions: __m512i,
-    weights: &Weights,
-) -> [__m512i; 4] {
-    let at = scalar_positions::<CHANNELS>(plane, taps, positions);
+pub(super) fn gather<const CHANNELS: usize>(plane: &Plane<'_>, at: [usize; 16], weights: &Weights) -> [__m512i; 4] {
     let quarter = |q: usize| {
         let left = load_cells(plane, at[q], at[4 + q]);
         let right = load_cells(plane, at[8 + q], at[12 + q]);

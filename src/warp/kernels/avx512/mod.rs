@@ -4,11 +4,13 @@ mod bytes;
 mod floats;
 mod nearest;
 mod pairs;
+mod probes;
 
 pub(super) use bytes::{bilinear_u8, bilinear_u8_any};
 pub(super) use floats::{bilinear_float, bilinear_float_any};
 pub(super) use nearest::nearest;
 pub(super) use pairs::bilinear_float_pairs;
+pub(super) use probes::probes_u8;
 
 use std::arch::x86_64::*;
 

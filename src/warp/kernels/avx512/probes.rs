@@ -1,0 +1,230 @@
+//! Averages of probes into 8-bit images of 3 and 4 channels: sixteen footprints at a time, whose probes are found, blended
+//! and summed up in registers.
+//!
+//! Sums are 16-bit numbers, four to a footprint: vector 0 holds footprints 4 i and 4 i + 1 in its i-th 128 bits, vector 1
+//! holds 4 i + 2 and 4 i + 3. So they come from [`gather`] by packing, and so bytes are packed in their order.
+
+use std::arch::x86_64::*;
+
+use super::all_within;
+use super::bytes::{Reach, Weights, gather, load_window, near, planar, wide};
+use crate::cpu::Isa;
+use crate::lut::table::Tap;
+use crate::warp::area::Average;
+use crate::warp::kernels::plane::Plane;
+use crate::warp::kernels::{Probes, Source, scalar};
+
+/// Footprints whose probes' pixels exist, of an image of 3 or 4 channels.
+///
+/// # Safety
+/// The CPU has AVX-512 F, BW, VL, VBMI and VNNI.
+#[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512vbmi,avx512vnni")]
+pub(in crate::warp::kernels) fn probes_u8<const CHANNELS: usize>(
+    source: &Source<'_, u8>,
+    probes: &Probes<'_>,
+    cells: &mut [u8],
+) {
+    let plane = Plane::new(source);
+    let reach = plane.as_ref().map(Reach::new);
+    let width = source.image.width();
+    let finish = Finish::new(probes);
+    for (index, cells) in cells.chunks_mut(16 * CHANNELS).enumerate() {
+        let group = Group::load(probes, 16 * index, cells.len() / CHANNELS, width);
+        let sums = match (&plane, reach) {
+            (Some(plane), Some(reach)) => sum::<CHANNELS>(plane, reach, probes, &group),
+            _ => None,
+        };
+        match sums {
+            Some(sums) => store::<CHANNELS>(finish.bytes(sums), cells),
+            None => one_by_one::<CHANNELS>(source, probes, &group, cells),
+        }
+    }
+}
+
+/// Sixteen footprints.
+struct Group {
+    /// Columns and rows of the middles, less the origin.
+    centre: [__m512i; 2],
+    /// Of x and y: the side along in the low and the side down in the high half of each lane.
+    sides: [__m512i; 2],
+    width: __m512i,
+}
+
+impl Group {
+    /// The footprints from `first` on; of less than sixteen the last takes the others' places.
+    #[inline]
+    #[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512vbmi,avx512vnni")]
+    fn load(probes: &Probes<'_>, first: usize, count: usize, width: usize) -> Self {
+        let lanes = _mm512_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
+        let lanes = _mm512_min_epi32(lanes, _mm512_set1_epi32(count as i32 - 1));
+        let centre = |axis: usize| {
+            let sixteen: &[i32; 16] = probes.centre[axis][first..].first_chunk().expect("arrays go on");
+            // SAFETY: sixteen lanes are 64 bytes.
+            let sixteen = unsafe { _mm512_loadu_si512(sixteen.as_ptr().cast()) };
+            let centre = _mm512_sub_epi32(sixteen, _mm512_set1_epi32(probes.origin[axis]));
+            _mm512_permutexvar_epi32(lanes, centre)
+        };
+        let side = |side: &[i16]| {
+            let sixteen: &[i16; 16] = side[first..].first_chunk().expect("arrays go on");
+            // SAFETY: sixteen numbers are 32 bytes.
+            _mm512_cvtepu16_epi32(unsafe { _mm256_loadu_si256(sixteen.as_ptr().cast()) })
+        };
+        let sides = |axis: usize| {
+            let (along, down) = (side(probes.sides[axis]), side(probes.sides[2 + axis]));
+            _mm512_permutexvar_epi32(lanes, _mm512_or_si512(along, _mm512_slli_epi32::<16>(down)))
+        };
+        Self { centre: [centre(0), centre(1)], sides: [sides(0), sides(1)], width: _mm512_set1_epi32(width as i32) }
+    }
+
+    /// Where a probe looks, as a tap says it: offsets, and fractions of x in the low and of y in the high half of each lane.
+    #[inline]
+    #[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512vbmi,avx512vnni")]
+    fn probe(&self, probes: &Probes<'_>, along: i16, down: i16) -> (__m512i, __m512i) {
+        let offsets = _mm512_set1_epi32(i32::from(along as u16) | i32::from(down) << 16);
+        let shift = _mm_cvtsi32_si128(probes.shift as i32);
+        let at = |axis: usize| {
+            let way = _mm512_sra_epi32(_mm512_madd_epi16(self.sides[axis], offsets), shift);
+            let step = _mm_cvtsi32_si128(probes.steps[axis] as i32);
+            _mm512_sra_epi32(_mm512_add_epi32(self.centre[axis], way), step)
+        };
+        let (column, row) = (at(0), at(1));
+        let whole = |at| _mm512_srai_epi32::<10>(at);
+        let offset = _mm512_add_epi32(_mm512_mullo_epi32(whole(row), self.width), whole(column));
+        // 10 bits of fraction, as 15
+        let x = _mm512_and_si512(_mm512_slli_epi32::<5>(column), _mm512_set1_epi32(0x7fe0));
+        let y = _mm512_and_si512(_mm512_slli_epi32::<21>(row), _mm512_set1_epi32(0x7fe0_0000));
+        (offset, _mm512_or_si512(x, y))
+    }
+}
+
+/// The sums of all probes; `None` where a load would leave the image.
+#[inline]
+#[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512vbmi,avx512vnni")]
+fn sum<const CHANNELS: usize>(
+    plane: &Plane<'_>,
+    reach: Reach,
+    probes: &Probes<'_>,
+    group: &Group,
+) -> Option<[__m512i; 2]> {
+    let mut sums = [_mm512_setzero_si512(); 2];
+    for &along in probes.offsets[0] {
+        for &down in probes.offsets[1] {
+            let (offsets, fractions) = group.probe(probes, along, down);
+            let positions = match CHANNELS {
+                3 => plane.positions::<3>(offsets),
+                _ => plane.positions::<4>(offsets),
+            };
+            let mut lanes = [0u32; 16];
+            // SAFETY: sixteen lanes are 64 bytes.
+            unsafe { _mm512_storeu_si512(lanes.as_mut_ptr().cast(), positions) };
+            // footprints run along a row, so the lowest is the first or, where the view is mirrored, the last
+            let base = lanes[0].min(lanes[15]) as usize;
+            let distances = _mm512_sub_epi32(positions, _mm512_set1_epi32(base as i32));
+            let weights = Weights::new(fractions);
+            let in_reach = |bytes: i32| all_within(distances, bytes - 2 * CHANNELS as i32);
+            let blends = if in_reach(64) && base as isize <= reach.near {
+                let rows = load_window::<1>(plane, base);
+                pairs_of_planar(planar::<CHANNELS>(&weights, distances, |index| near(&rows, index)))
+            } else if in_reach(128) && base as isize <= reach.wide {
+                let rows = load_window::<2>(plane, base);
+                pairs_of_planar(planar::<CHANNELS>(&weights, distances, |index| wide(&rows, index)))
+            } else if reach.gathered < 0 || !all_within(positions, reach.gathered as i32) {
+                return None;
+            } else {
+                let blends = gather::<CHANNELS>(plane, lanes.map(|lane| lane as usize), &weights);
+                [_mm512_packus_epi32(blends[0], blends[1]), _mm512_packus_epi32(blends[2], blends[3])]
+            };
+            sums = [_mm512_add_epi16(sums[0], blends[0]), _mm512_add_epi16(sums[1], blends[1])];
+        }
+    }
+    Some(sums)
+}
+
+/// From a vector for each channel to the layout of sums.
+#[inline]
+#[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512vbmi,avx512vnni")]
+fn pairs_of_planar([r, g, b, a]: [__m512i; 4]) -> [__m512i; 2] {
+    let rg = _mm512_or_si512(r, _mm512_slli_epi32::<16>(g));
+    let ba = _mm512_or_si512(b, _mm512_slli_epi32::<16>(a));
+    [_mm512_unpacklo_epi32(rg, ba), _mm512_unpackhi_epi32(rg, ba)]
+}
+
+/// How sums become averages; see [`Average::finish`].
+struct Finish {
+    half: __m512i,
+    /// log2 of the number of probes, if it is a power of two.
+    shift: Option<__m128i>,
+    inverse: __m512i,
+}
+
+impl Finish {
+    #[inline]
+    #[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512vbmi,avx512vnni")]
+    fn new(probes: &Probes<'_>) -> Self {
+        let count = probes.count();
+        let half = count / if probes.lean { 4 } else { 2 };
+        Self {
+            half: _mm512_set1_epi16(half as i16),
+            shift: count.is_power_of_two().then(|| _mm_cvtsi32_si128(count.ilog2() as i32)),
+            inverse: _mm512_set1_epi32((1u32 << 24).div_ceil(count) as i32),
+        }
+    }
+
+    /// Four bytes for each footprint.
+    #[inline]
+    #[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512vbmi,avx512vnni")]
+    fn bytes(&self, sums: [__m512i; 2]) -> __m512i {
+        let averages = sums.map(|sum| {
+            let sum = _mm512_add_epi16(sum, self.half);
+            if let Some(shift) = self.shift {
+                return _mm512_srl_epi16(sum, shift);
+            }
+            let zero = _mm512_setzero_si512();
+            let quotient = |sum| _mm512_srli_epi32::<24>(_mm512_mullo_epi32(sum, self.inverse));
+            let (low, high) = (_mm512_unpacklo_epi16(sum, zero), _mm512_unpackhi_epi16(sum, zero));
+            _mm512_packus_epi32(quotient(low), quotient(high))
+        });
+        _mm512_packus_epi16(averages[0], averages[1])
+    }
+}
+
+/// Stores up to sixteen cells.
+#[inline]
+#[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512vbmi,avx512vnni")]
+fn store<const CHANNELS: usize>(sixteen: __m512i, cells: &mut [u8]) {
+    if cells.len() == 16 * CHANNELS {
+        return super::bytes::store_cells::<CHANNELS>(sixteen, cells);
+    }
+    let mut all = [0; 64];
+    super::bytes::store_cells::<CHANNELS>(sixteen, &mut all[..16 * CHANNELS]);
+    cells.copy_from_slice(&all[..cells.len()]);
+}
+
+/// The same where wide loads would leave the image.
+#[cold]
+#[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512vbmi,avx512vnni")]
+fn one_by_one<const CHANNELS: usize>(source: &Source<'_, u8>, probes: &Probes<'_>, group: &Group, cells: &mut [u8]) {
+    let (mut sums, mut blends) = ([0; 64], [0; 64]);
+    let (sums, blends) = (&mut sums[..cells.len()], &mut blends[..cells.len()]);
+    for (index, (&along, &down)) in
+        probes.offsets[0].iter().flat_map(|along| probes.offsets[1].iter().map(move |down| (along, down))).enumerate()
+    {
+        let (offsets, fractions) = group.probe(probes, along, down);
+        // SAFETY: sixteen lanes are 64 bytes, of which any are numbers.
+        let [offsets, fractions] =
+            [offsets, fractions].map(|lanes| unsafe { std::mem::transmute::<__m512i, [u32; 16]>(lanes) });
+        let taps: [Tap; 16] = std::array::from_fn(|cell| Tap {
+            offset: offsets[cell],
+            x: fractions[cell] as u16,
+            y: (fractions[cell] >> 16) as u16,
+        });
+        let taps = &taps[..cells.len() / CHANNELS];
+        if index == 0 {
+            scalar::bilinear::<u8, CHANNELS, false>(source, taps, cells);
+        } else {
+            scalar::bilinear::<u8, CHANNELS, false>(source, taps, blends);
+            <u8 as Average>::add(Isa::Scalar, cells, blends, sums);
+        }
+    }
+    <u8 as Average>::finish(Isa::Scalar, probes.count(), probes.lean, sums, cells);
+}
