@@ -78,6 +78,18 @@ pub enum Error {
         /// The number that came.
         got: f64,
     },
+    /// A lens that sees nothing beside its axis.
+    #[error(
+        "{lens}: expected {expected} coefficients of a lens that sees more than its axis, got ones whose image folds back {angle:.2e} rad from it; check their order, their signs and their units"
+    )]
+    LensFolds {
+        /// The model.
+        lens: &'static str,
+        /// Its coefficients, in order.
+        expected: &'static str,
+        /// Radians from the axis.
+        angle: f64,
+    },
     /// An image size with no pixels, or too large to be addressed.
     #[error(
         "{what}: expected (width, height) of at least 1 x 1 and fewer than 2^32 pixels with a frame of one pixel, got {width} x {height}"

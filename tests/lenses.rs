@@ -321,6 +321,53 @@ fn vectors_of_other_implementations() {
 }
 
 #[test]
+fn what_sees_nothing_beside_its_axis_is_refused() {
+    let folded: [ipm_rs::Result<Lens>; 9] = [
+        BrownConrady::new(&[0.0, 0.0, 1e4, 0.0], None).map(Into::into),
+        BrownConrady::new(&[-1e7, 0.0, 0.0, 0.0], None).map(Into::into),
+        // prism terms, found by scanning
+        BrownConrady::new(&[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1e4, 0.0, 0.0, 0.0], None).map(Into::into),
+        BrownConrady::new(&[-1e7, 0.0, 0.0, 0.0], Some(0.5)).map(Into::into),
+        KannalaBrandt::new(&[-1e9, 0.0, 0.0, 0.0], None).map(Into::into),
+        Mei::new(1.2, &[0.0, 0.0, 1e4, 0.0], None).map(Into::into),
+        DoubleSphere::new(-0.9999999999, 0.0, None).map(Into::into),
+        RadialPolynomial::new(&[1.0, -1e4, 0.0, 0.0], None).map(Into::into),
+        Ocam::new(&[300.0, 0.0, 1e6], [1.0, 0.0, 0.0], None).map(Into::into),
+    ];
+    for (index, refused) in folded.into_iter().enumerate() {
+        let Err(Error::LensFolds { angle, .. }) = refused else { panic!("{index}: {refused:?}") };
+        assert!((0.0..1e-3).contains(&angle), "{index}: {angle}");
+    }
+    let named = Mei::new(1.2, &[0.0, 0.0, 1e4, 0.0], None).unwrap_err().to_string();
+    assert!(named.starts_with("Mei: expected 4 (k1, k2, p1, p2)"), "{named}");
+    // a limit may be as small as its caller wants
+    assert_eq!(KannalaBrandt::new(&[0.1, 0.0, 0.0, 0.0], Some(1e-4)).unwrap().max_angle(), 1e-4);
+}
+
+proptest! {
+    /// Whatever the numbers: a lens that sees something, or an error.
+    #[test]
+    fn no_lens_is_blind(
+        values in prop::collection::vec((-300.0..300.0f64, -1.0..1.0f64), 14),
+        count in prop::sample::select(vec![4usize, 5, 8, 12, 14]),
+    ) {
+        let c: Vec<f64> = values.iter().map(|&(power, part)| part * 10f64.powf(power)).collect();
+        let lenses: [ipm_rs::Result<Lens>; 6] = [
+            BrownConrady::new(&c[..count], None).map(Into::into),
+            KannalaBrandt::new(&c[..4], None).map(Into::into),
+            Mei::new(c[4].abs(), &c[..4], None).map(Into::into),
+            Eucm::new(values[0].1.abs(), c[1].abs(), None).map(Into::into),
+            RadialPolynomial::new(&[c[0].abs(), c[1], c[2], c[3]], None).map(Into::into),
+            Ocam::new(&c[..count.min(12)], [1.0, 0.0, 0.0], None).map(Into::into),
+        ];
+        for lens in lenses.into_iter().flatten() {
+            prop_assert!((1e-3..=PI).contains(&lens.max_angle()), "{lens}: {}", lens.max_angle());
+            prop_assert!(lens.project(&direction(5e-4, 1.0)).is_some(), "{lens}: {}", lens.max_angle());
+        }
+    }
+}
+
+#[test]
 fn wrong_parameters_are_refused() {
     let nan = f64::NAN;
     for count in [0, 1, 2, 3, 6, 7, 9, 11, 13, 15] {

@@ -89,7 +89,8 @@ class BrownConrady:
                 before its own limit; None for that limit.
 
         Raises:
-            CalibrationError: a number is not finite or cannot be right, or their count is another.
+            CalibrationError: a number is not finite or cannot be right, the image folds back within 0.001 rad
+                of the axis, or their count is another.
             ArgumentError, ArgumentTypeError: no list of numbers.
         """
     @property
@@ -121,7 +122,8 @@ class KannalaBrandt:
                 before its own limit; None for that limit.
 
         Raises:
-            CalibrationError: a number is not finite or cannot be right, or they are not 4.
+            CalibrationError: a number is not finite or cannot be right, the image folds back within 0.001 rad
+                of the axis, or they are not 4.
             ArgumentError, ArgumentTypeError: no list of numbers.
         """
     @property
@@ -154,7 +156,8 @@ class Mei:
                 before its own limit; None for that limit.
 
         Raises:
-            CalibrationError: a number is not finite or cannot be right, or the coefficients are not 4.
+            CalibrationError: a number is not finite or cannot be right, the image folds back within 0.001 rad
+                of the axis, or the coefficients are not 4.
             ArgumentError, ArgumentTypeError: no list of numbers.
         """
     @property
@@ -189,7 +192,7 @@ class DoubleSphere:
                 before its own limit; None for that limit.
 
         Raises:
-            CalibrationError: a number is not finite or cannot be right.
+            CalibrationError: a number is not finite or cannot be right, the image folds back within 0.001 rad of the axis.
             ArgumentError, ArgumentTypeError: no list of numbers.
         """
     @property
@@ -224,7 +227,7 @@ class Eucm:
                 before its own limit; None for that limit.
 
         Raises:
-            CalibrationError: a number is not finite or cannot be right.
+            CalibrationError: a number is not finite or cannot be right, the image folds back within 0.001 rad of the axis.
             ArgumentError, ArgumentTypeError: no list of numbers.
         """
     @property
@@ -259,7 +262,8 @@ class RadialPolynomial:
                 before its own limit; None for that limit.
 
         Raises:
-            CalibrationError: a number is not finite or cannot be right, or they are not 4.
+            CalibrationError: a number is not finite or cannot be right, the image folds back within 0.001 rad
+                of the axis, or they are not 4.
             ArgumentError, ArgumentTypeError: no list of numbers.
         """
     @property
@@ -299,7 +303,7 @@ class Ocam:
                 before its own limit; None for that limit.
 
         Raises:
-            CalibrationError: a number is not finite or cannot be right.
+            CalibrationError: a number is not finite or cannot be right, the image folds back within 0.001 rad of the axis.
             ArgumentError, ArgumentTypeError: no list of numbers.
         """
     @property

@@ -26,6 +26,7 @@ impl From<Error> for PyErr {
             | Error::Intrinsics { .. }
             | Error::LensCoefficients { .. }
             | Error::LensParameter { .. }
+            | Error::LensFolds { .. }
             | Error::Singular { .. }
             | Error::NotRigid { .. }
             | Error::LastRow { .. } => classes::CalibrationError::new_err(message),

@@ -414,6 +414,8 @@ def test_attributes_are_what_was_given():
         (lambda: ipm_rs.Ocam([0, 1, 2]), ["a0", "reversed"]),
         (lambda: ipm_rs.Ocam([]), ["1 to 12", "got 0"]),
         (lambda: ipm_rs.Ocam([-300], (0, 0, 1)), ["c - d e", "got 0"]),
+        (lambda: ipm_rs.BrownConrady([0, 0, 1e4, 0]), ["k1, k2, p1, p2", "folds back", "order"]),
+        (lambda: ipm_rs.KannalaBrandt([-1e9, 0, 0, 0]), ["4 (k1, k2, k3, k4)", "folds back"]),
     ],
 )
 def test_wrong_parameters(make, words):

@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 
-use super::{Distort, coefficients, limit, listed, polynomial, shown};
+use super::{Distort, coefficients, limit, listed, polynomial, sees, shown};
 use crate::error::Result;
 
 /// Tangent of the largest angle from the axis at which a lens that bends is asked: beyond 89.99994 degrees there is nothing.
@@ -74,7 +74,7 @@ impl BrownConrady {
     /// # Errors
     /// [`Error::LensCoefficients`](crate::Error::LensCoefficients) for another count than 4, 5, 8, 12 or 14,
     /// [`Error::LensParameter`](crate::Error::LensParameter) for what is not finite, a tilt of 90 degrees or more, or a
-    /// limit that is none.
+    /// limit that is none, [`Error::LensFolds`](crate::Error::LensFolds) where the image folds back at once.
     pub fn new(given: &[f64], max_angle: Option<f64>) -> Result<Self> {
         const NAME: &str = "BrownConrady";
         let expected = "4, 5, 8, 12 or 14 (k1, k2, p1, p2[, k3[, k4, k5, k6[, s1, s2, s3, s4[, tau_x, tau_y]]]])";
@@ -85,8 +85,9 @@ impl BrownConrady {
         }
         let mut lens = Self { c, count: given.len(), limit: max_angle, end: f64::INFINITY, tilt: tilt(c[12], c[13]) };
         let limit = limit(NAME, max_angle)?;
-        let limit = if limit < std::f64::consts::FRAC_PI_2 { limit.tan() } else { f64::INFINITY };
-        lens.end = lens.radius().min(limit).powi(2);
+        let end = if limit < std::f64::consts::FRAC_PI_2 { limit.tan() } else { f64::INFINITY };
+        lens.end = lens.radius().min(end).powi(2);
+        sees(NAME, expected, lens.max_angle(), limit)?;
         Ok(lens)
     }
 

@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use super::{Distort, limit, one_over_shifted, parameter, shifted_sphere_z, shown};
+use super::{Distort, limit, one_over_shifted, parameter, sees, shifted_sphere_z, shown};
 use crate::error::Result;
 
 /// Two unit spheres, xi apart, then a pinhole shifted by `alpha / (1 - alpha)`. With `d1 = |P|`, `k = xi d1 + Z`,
@@ -26,7 +26,8 @@ impl DoubleSphere {
     ///
     /// # Errors
     /// [`Error::LensParameter`](crate::Error::LensParameter) where xi is not above -1 and up to 1, alpha is not from 0 to
-    /// 1, or the limit is none.
+    /// 1, or the limit is none, [`Error::LensFolds`](crate::Error::LensFolds) where the image
+    /// folds back at once.
     pub fn new(xi: f64, alpha: f64, max_angle: Option<f64>) -> Result<Self> {
         const NAME: &str = "DoubleSphere";
         parameter(NAME, "xi", "a number above -1 and up to 1", xi, xi > -1.0 && xi <= 1.0)?;
@@ -38,7 +39,9 @@ impl DoubleSphere {
         // point at that angle from the second sphere's surface instead: a little inside, but for some xi < 0 outside.
         let v = 1.0 - w1 * w1;
         let fold = -xi * v - w1 * (1.0 - xi * xi * v).max(0.0).sqrt();
-        let cos_end = (-w2).max(fold).max(limit(NAME, max_angle)?.cos());
+        let limit = limit(NAME, max_angle)?;
+        let cos_end = (-w2).max(fold).max(limit.cos());
+        sees(NAME, "2 (xi, alpha)", cos_end.acos(), limit)?;
         let squares = [xi * xi.abs(), (xi - 1.0) * (xi + 1.0) * xi.signum()];
         Ok(Self { xi, alpha, limit: max_angle, cos_end, squares })
     }

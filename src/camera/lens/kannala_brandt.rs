@@ -1,9 +1,7 @@
 //! Kannala-Brandt: an odd polynomial of the angle.
 
-use nalgebra::Vector3;
-
-use super::angle::angle_from_axis;
-use super::{Distort, coefficients, direction, limit, listed, polynomial, shown};
+use super::of_angle::{Curve, OfAngle};
+use super::{listed, shown};
 use crate::error::Result;
 
 /// The equidistant fisheye, also called KB4. With `r = sqrt(X^2 + Y^2)` and `t = atan2(r, Z)`:
@@ -13,70 +11,59 @@ use crate::error::Result;
 ///
 /// Its domain ends at the first zero of the derivative of rho, or straight behind.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct KannalaBrandt {
-    k: [f64; 4],
-    limit: Option<f64>,
-    end: f64,
-}
+pub struct KannalaBrandt(Curve);
 
 impl KannalaBrandt {
     /// A lens from k1, k2, k3, k4. `max_angle`, radians from the axis, makes the domain smaller.
     ///
     /// # Errors
     /// [`Error::LensCoefficients`](crate::Error::LensCoefficients) for another count than 4,
-    /// [`Error::LensParameter`](crate::Error::LensParameter) for what is not finite or a limit that is none.
+    /// [`Error::LensParameter`](crate::Error::LensParameter) for what is not finite or a limit that is none,
+    /// [`Error::LensFolds`](crate::Error::LensFolds) where the image folds back at once.
     pub fn new(given: &[f64], max_angle: Option<f64>) -> Result<Self> {
-        let k = coefficients("KannalaBrandt", "4 (k1, k2, k3, k4)", &[4], given)?;
-        let limit = limit("KannalaBrandt", max_angle)?;
-        let slope = [1.0, 0.0, 3.0 * k[0], 0.0, 5.0 * k[1], 0.0, 7.0 * k[2], 0.0, 9.0 * k[3]];
-        let end = polynomial::positive_until(&slope, limit).unwrap_or(limit);
-        Ok(Self { k, limit: max_angle, end })
+        let slope = |k: &[f64; 4]| Ok([1.0, 0.0, 3.0 * k[0], 0.0, 5.0 * k[1], 0.0, 7.0 * k[2], 0.0, 9.0 * k[3]]);
+        Curve::new("KannalaBrandt", "4 (k1, k2, k3, k4)", given, max_angle, slope).map(Self)
     }
 
     /// k1, k2, k3, k4.
     pub fn coefficients(&self) -> &[f64; 4] {
-        &self.k
+        &self.0.k
     }
 
     /// The limit that was given.
     pub fn limit(&self) -> Option<f64> {
-        self.limit
+        self.0.limit
     }
 
     /// The validity limit, radians from the axis.
     pub fn max_angle(&self) -> f64 {
-        self.end
-    }
-
-    pub(super) fn undistort(&self, m: [f64; 2]) -> Option<Vector3<f64>> {
-        let [k1, k2, k3, k4] = self.k;
-        let rho = m[0].hypot(m[1]);
-        let angle = polynomial::root_of_increasing(self.end, rho, |t| {
-            let u = t * t;
-            let value = t * (1.0 + u * (k1 + u * (k2 + u * (k3 + u * k4))));
-            (value - rho, 1.0 + u * (3.0 * k1 + u * (5.0 * k2 + u * (7.0 * k3 + u * 9.0 * k4))))
-        });
-        Some(direction(m, rho, angle))
+        self.0.end
     }
 }
 
-impl Distort for KannalaBrandt {
+impl OfAngle for KannalaBrandt {
     #[inline(always)]
-    fn distort(&self, x: f64, y: f64, z: f64) -> (f64, f64) {
-        let [k1, k2, k3, k4] = self.k;
-        let r = (x * x + y * y).sqrt();
-        let t = angle_from_axis(r, z);
-        let t = if t <= self.end { t } else { f64::NAN };
+    fn curve(&self) -> &Curve {
+        &self.0
+    }
+
+    #[inline(always)]
+    fn radius(&self, t: f64) -> f64 {
+        let [k1, k2, k3, k4] = self.0.k;
         let u = t * t;
-        let rho = t * (1.0 + u * (k1 + u * (k2 + u * (k3 + u * k4))));
-        // on the axis itself both are 0
-        let scale = if r > 0.0 { rho / r } else { rho };
-        (x * scale, y * scale)
+        t * (1.0 + u * (k1 + u * (k2 + u * (k3 + u * k4))))
+    }
+
+    #[inline(always)]
+    fn slope(&self, t: f64) -> f64 {
+        let [k1, k2, k3, k4] = self.0.k;
+        let u = t * t;
+        1.0 + u * (3.0 * k1 + u * (5.0 * k2 + u * (7.0 * k3 + u * 9.0 * k4)))
     }
 }
 
 impl std::fmt::Display for KannalaBrandt {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "KannalaBrandt([{}]{})", listed(&self.k), shown(self.limit))
+        write!(f, "KannalaBrandt([{}]{})", listed(&self.0.k), shown(self.0.limit))
     }
 }

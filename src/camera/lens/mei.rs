@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use super::{BrownConrady, Distort, limit, listed, parameter, shown};
+use super::{BrownConrady, Distort, limit, listed, parameter, sees, shown};
 use crate::error::{Error, Result};
 
 /// The unified omnidirectional model with radtan distortion, as KITTI-360, Kalibr (`omni`) and `cv2.omnidir` have it.
@@ -23,19 +23,26 @@ impl Mei {
     ///
     /// # Errors
     /// [`Error::LensCoefficients`] for another count than 4, [`Error::LensParameter`] for what is not finite, a negative
-    /// xi, or a limit that is none.
+    /// xi, or a limit that is none, [`Error::LensFolds`] where the image folds back at once.
     pub fn new(xi: f64, given: &[f64], max_angle: Option<f64>) -> Result<Self> {
         const NAME: &str = "Mei";
+        const EXPECTED: &str = "4 (k1, k2, p1, p2)";
         parameter(NAME, "xi", "a finite number of at least 0", xi, xi.is_finite() && xi >= 0.0)?;
         if given.len() != 4 {
-            return Err(Error::LensCoefficients { lens: NAME, expected: "4 (k1, k2, p1, p2)", got: given.len() });
+            return Err(Error::LensCoefficients { lens: NAME, expected: EXPECTED, got: given.len() });
         }
         for &value in given {
             parameter(NAME, "coefficients", "finite numbers", value, value.is_finite())?;
         }
         let w = if xi > 1.0 { 1.0 / xi } else { xi };
-        let cos_end = (-w).max(limit(NAME, max_angle)?.cos());
-        Ok(Self { xi, radtan: BrownConrady::new(given, None)?, limit: max_angle, cos_end })
+        let limit = limit(NAME, max_angle)?;
+        let radtan = BrownConrady::new(given, None).map_err(|error| match error {
+            Error::LensFolds { angle, .. } => Error::LensFolds { lens: NAME, expected: EXPECTED, angle },
+            other => other,
+        })?;
+        let lens = Self { xi, radtan, limit: max_angle, cos_end: (-w).max(limit.cos()) };
+        sees(NAME, EXPECTED, lens.max_angle(), limit)?;
+        Ok(lens)
     }
 
     /// The distance of the projection centre from the sphere's.

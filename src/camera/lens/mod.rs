@@ -11,6 +11,7 @@ mod eucm;
 mod kannala_brandt;
 mod mei;
 mod ocam;
+mod of_angle;
 mod polynomial;
 mod radial_polynomial;
 
@@ -28,6 +29,7 @@ pub(crate) use double_sphere::Spheres;
 use nalgebra::Vector3;
 
 use crate::error::{Error, Result};
+use of_angle::OfAngle;
 
 /// What a model does with a direction: the part that loops over cells are made of.
 pub(crate) trait Distort {
@@ -191,15 +193,6 @@ fn shifted_sphere_z(alpha: f64, s: f64) -> Option<f64> {
     })
 }
 
-/// The unit direction at `angle` from the axis, on the side of (x, y), whose length is `r`.
-fn direction([x, y]: [f64; 2], r: f64, angle: f64) -> Vector3<f64> {
-    if r == 0.0 {
-        return Vector3::z();
-    }
-    let (sin, cos) = angle.sin_cos();
-    Vector3::new(x / r * sin, y / r * sin, cos)
-}
-
 /// Coefficients of the counts that a model takes.
 fn coefficients<const N: usize>(
     lens: &'static str,
@@ -220,6 +213,13 @@ fn coefficients<const N: usize>(
 /// A parameter, if it holds what its model needs.
 fn parameter(lens: &'static str, name: &'static str, expected: &'static str, value: f64, holds: bool) -> Result<f64> {
     if holds { Ok(value) } else { Err(Error::LensParameter { lens, name, expected, got: value }) }
+}
+
+/// Refuses a lens that ends at `angle` because its image folds back almost on the axis, and not at the caller's limit.
+fn sees(lens: &'static str, expected: &'static str, angle: f64, limit: f64) -> Result<()> {
+    /// Radians: the longest telephoto lens sees more, and wrong coefficients leave less.
+    const NARROWEST: f64 = 1e-3;
+    if angle >= NARROWEST.min(0.999 * limit) { Ok(()) } else { Err(Error::LensFolds { lens, expected, angle }) }
 }
 
 /// A limit that the caller sets, or the whole sphere but its last point, where every azimuth meets.

@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 
 use super::angle::angle_from_axis;
-use super::{Distort, limit, listed, parameter, polynomial, shown};
+use super::{Distort, limit, listed, parameter, polynomial, sees, shown};
 use crate::error::{Error, Result};
 
 /// Coefficients that the polynomial may have.
@@ -57,7 +57,8 @@ impl Ocam {
     ///
     /// # Errors
     /// [`Error::LensCoefficients`] for no coefficients or more than 12, [`Error::LensParameter`] for what is not finite,
-    /// a0 = 0, an affine map that is singular or turns the image over, or a limit that is none.
+    /// a0 = 0, an affine map that is singular or turns the image over, or a limit that is none, [`Error::LensFolds`] where
+    /// the image folds back at once.
     pub fn new(given: &[f64], affine: [f64; 3], max_angle: Option<f64>) -> Result<Self> {
         const NAME: &str = "Ocam";
         if given.is_empty() || given.len() > MOST {
@@ -90,6 +91,7 @@ impl Ocam {
         }
         lens.f_end = lens.f(lens.end);
         lens.angle_end = lens.max_angle();
+        sees(NAME, "1 to 12 (a0, a1, a2, ..., constant first)", lens.angle_end, limit)?;
         let step = lens.angle_end / (STARTS - 1) as f64;
         for i in 1..STARTS {
             let (sin, cos) = (step * i as f64).sin_cos();

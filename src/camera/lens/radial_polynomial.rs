@@ -1,9 +1,7 @@
 //! WoodScape's radial polynomial.
 
-use nalgebra::Vector3;
-
-use super::angle::angle_from_axis;
-use super::{Distort, coefficients, direction, limit, listed, parameter, polynomial, shown};
+use super::of_angle::{Curve, OfAngle};
+use super::{listed, parameter, shown};
 use crate::error::Result;
 
 /// A polynomial of the angle in pixels. With `r = sqrt(X^2 + Y^2)` and `t = atan2(r, Z)`:
@@ -12,11 +10,7 @@ use crate::error::Result;
 ///
 /// Its domain ends at the first zero of the derivative of rho, or straight behind.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct RadialPolynomial {
-    k: [f64; 4],
-    limit: Option<f64>,
-    end: f64,
-}
+pub struct RadialPolynomial(Curve);
 
 impl RadialPolynomial {
     /// A lens from k1, k2, k3, k4 in pixels per radian to the powers 1 to 4. `max_angle`, radians from the axis, makes
@@ -25,58 +19,53 @@ impl RadialPolynomial {
     /// # Errors
     /// [`Error::LensCoefficients`](crate::Error::LensCoefficients) for another count than 4,
     /// [`Error::LensParameter`](crate::Error::LensParameter) for what is not finite, k1 that is not positive, or a limit
-    /// that is none.
+    /// that is none, [`Error::LensFolds`](crate::Error::LensFolds) where the image folds back at once.
     pub fn new(given: &[f64], max_angle: Option<f64>) -> Result<Self> {
         const NAME: &str = "RadialPolynomial";
-        let k = coefficients::<4>(NAME, "4 (k1, k2, k3, k4, in pixels)", &[4], given)?;
-        parameter(NAME, "k1", "pixels per radian on the axis, above 0", k[0], k[0] > 0.0)?;
-        let limit = limit(NAME, max_angle)?;
-        let slope = [k[0], 2.0 * k[1], 3.0 * k[2], 4.0 * k[3]];
-        let end = polynomial::positive_until(&slope, limit).unwrap_or(limit);
-        Ok(Self { k, limit: max_angle, end })
+        let slope = |k: &[f64; 4]| {
+            parameter(NAME, "k1", "pixels per radian on the axis, above 0", k[0], k[0] > 0.0)?;
+            Ok([k[0], 2.0 * k[1], 3.0 * k[2], 4.0 * k[3]])
+        };
+        Curve::new(NAME, "4 (k1, k2, k3, k4, in pixels)", given, max_angle, slope).map(Self)
     }
 
     /// k1, k2, k3, k4.
     pub fn coefficients(&self) -> &[f64; 4] {
-        &self.k
+        &self.0.k
     }
 
     /// The limit that was given.
     pub fn limit(&self) -> Option<f64> {
-        self.limit
+        self.0.limit
     }
 
     /// The validity limit, radians from the axis.
     pub fn max_angle(&self) -> f64 {
-        self.end
-    }
-
-    pub(super) fn undistort(&self, m: [f64; 2]) -> Option<Vector3<f64>> {
-        let [k1, k2, k3, k4] = self.k;
-        let rho = m[0].hypot(m[1]);
-        let angle = polynomial::root_of_increasing(self.end, rho / k1, |t| {
-            let value = t * (k1 + t * (k2 + t * (k3 + t * k4)));
-            (value - rho, k1 + t * (2.0 * k2 + t * (3.0 * k3 + t * 4.0 * k4)))
-        });
-        Some(direction(m, rho, angle))
+        self.0.end
     }
 }
 
-impl Distort for RadialPolynomial {
+impl OfAngle for RadialPolynomial {
     #[inline(always)]
-    fn distort(&self, x: f64, y: f64, z: f64) -> (f64, f64) {
-        let [k1, k2, k3, k4] = self.k;
-        let r = (x * x + y * y).sqrt();
-        let t = angle_from_axis(r, z);
-        let t = if t <= self.end { t } else { f64::NAN };
-        let rho = t * (k1 + t * (k2 + t * (k3 + t * k4)));
-        let scale = if r > 0.0 { rho / r } else { rho };
-        (x * scale, y * scale)
+    fn curve(&self) -> &Curve {
+        &self.0
+    }
+
+    #[inline(always)]
+    fn radius(&self, t: f64) -> f64 {
+        let [k1, k2, k3, k4] = self.0.k;
+        t * (k1 + t * (k2 + t * (k3 + t * k4)))
+    }
+
+    #[inline(always)]
+    fn slope(&self, t: f64) -> f64 {
+        let [k1, k2, k3, k4] = self.0.k;
+        k1 + t * (2.0 * k2 + t * (3.0 * k3 + t * 4.0 * k4))
     }
 }
 
 impl std::fmt::Display for RadialPolynomial {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "RadialPolynomial([{}]{})", listed(&self.k), shown(self.limit))
+        write!(f, "RadialPolynomial([{}]{})", listed(&self.0.k), shown(self.0.limit))
     }
 }
