@@ -5,7 +5,8 @@ use std::sync::Mutex;
 
 use super::needs::Needs;
 use super::reach::{Lattice, Reach};
-use super::rows::{Coordinates, Sides};
+use super::rows::{Coordinates, Sides, centroids};
+use super::stretch::Stretch;
 use super::{Band, Cells, PADDING, Piece, Plan, Shape};
 use crate::cpu::Isa;
 use crate::error::{Error, Result};
@@ -61,17 +62,22 @@ struct Builder<'a> {
     table: &'a Table,
     band: Band,
     needs: Needs,
+    centres: [Vec<i32>; 2],
     sides: Sides,
     shapes: Vec<Shape>,
+    stretches: Vec<Stretch>,
     reach: Reach,
 }
 
 impl<'a> Builder<'a> {
     fn new(isa: Isa, table: &'a Table) -> Self {
         let columns = table.columns();
-        let (sides, shapes) = (Sides::new(columns), vec![Shape::BILINEAR; columns.div_ceil(GROUP)]);
+        let groups = columns.div_ceil(GROUP);
+        let (sides, shapes, stretches) =
+            (Sides::new(columns), vec![Shape::BILINEAR; groups], vec![Stretch::NONE; groups]);
         let (band, needs, reach) = (Band::default(), Needs::default(), Reach::new(columns));
-        Self { isa, table, band, needs, sides, shapes, reach }
+        let centres = [vec![0; columns], vec![0; columns]];
+        Self { isa, table, band, needs, centres, sides, shapes, stretches, reach }
     }
 
     fn run(&mut self, rows: Range<usize>) -> Result<()> {
@@ -91,13 +97,22 @@ impl<'a> Builder<'a> {
                 if shape == Shape::BILINEAR {
                     continue;
                 }
+                let [xs, ys] = self.centres.each_mut().map(|axis| &mut axis[cells.clone()]);
+                if self.stretches[group].steep {
+                    centroids(isa, &near, cells.clone(), [xs, ys]);
+                } else {
+                    let [from_x, from_y] = near[1].at(cells.clone());
+                    xs.copy_from_slice(from_x);
+                    ys.copy_from_slice(from_y);
+                }
+                self.stretches[group].apply(isa, self.sides.cells_mut(cells.clone()));
                 if run.end != cells.start || shape != self.shapes[run.start / GROUP] {
-                    self.add_run(&near[1], run);
+                    self.add_run(near[1].valid(), run);
                     run = cells.start..cells.start;
                 }
                 run.end = cells.end;
             }
-            self.add_run(&near[1], run);
+            self.add_run(near[1].valid(), run);
             self.band.ends.push(self.band.pieces.len() as u32);
             near.rotate_left(1);
         }
@@ -117,29 +132,30 @@ impl<'a> Builder<'a> {
             cells.filter(|&cell| valid[cell] != 0).min_by_key(|cell| cell.abs_diff(middle))
         };
         let sides = &self.sides;
-        Shape::choose_all(self.isa, self.table.source(), &mut self.shapes, |group| {
+        Shape::choose_all(self.isa, self.table.source(), &mut self.shapes, &mut self.stretches, |group| {
             typical(group).map(|cell| sides.of(cell))
         });
     }
 
     /// Appends the valid ones of neighbouring cells of one shape.
-    fn add_run(&mut self, here: &Coordinates, mut cells: Range<usize>) {
+    fn add_run(&mut self, mask: &[u8], mut cells: Range<usize>) {
         while !cells.is_empty() {
-            let valid = &here.valid()[cells.clone()];
+            let valid = &mask[cells.clone()];
             let end = cells.start + equal_prefix(valid);
             if valid[0] != 0 {
-                self.add_valid(here, cells.start..end);
+                self.add_valid(cells.start..end);
             }
             cells.start = end;
         }
     }
 
-    fn add_valid(&mut self, here: &Coordinates, cells: Range<usize>) {
+    fn add_valid(&mut self, cells: Range<usize>) {
         let shape = self.shapes[cells.start / GROUP];
         let sides = self.sides.cells(cells.clone());
         let lattice = Lattice::new(shape, Reach::shift(self.isa, sides), self.table.source());
         let start = self.band.cells.len();
-        self.band.cells.extend(self.isa, here.at(cells.clone()), sides, lattice.shift);
+        let centres = self.centres.each_ref().map(|axis| &axis[cells.clone()]);
+        self.band.cells.extend(self.isa, centres, sides, lattice.shift);
         let any_clipped = self.reach.read(self.isa, &lattice, &self.band.cells, start..start + cells.len());
         self.reach.blocks(cells.len(), |columns, rows| self.needs.add(shape, self.table.source(), columns, rows));
         let mut piece = |of: Range<usize>, clipped| {

@@ -11,6 +11,7 @@ mod needs;
 mod reach;
 mod rows;
 mod shape;
+mod stretch;
 
 use std::fmt;
 use std::ops::Range;

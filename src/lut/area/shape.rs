@@ -1,6 +1,7 @@
 //! How a footprint is averaged: which lattice of probes, over which boxes.
 
 use super::Q;
+use super::stretch::{BATCH, Stretch};
 use crate::cpu::Isa;
 use crate::lut::kernels::for_each_isa;
 
@@ -25,17 +26,16 @@ impl Shape {
     pub(crate) const BILINEAR: Self = Self { kx: 0, ky: 0, along: 1, down: 1 };
 
     /// The shapes for typical footprints of a source of this size: `sides` tells (x, y) of the side along the output's row
-    /// and of the one down its columns, in 1/1024 pixel, of the i-th; `None` is [`Shape::BILINEAR`].
+    /// and of the one down its columns, in 1/1024 pixel, of the i-th; `None` is [`Shape::BILINEAR`]. And how lattices of these shapes are drawn in.
     pub(super) fn choose_all(
         isa: Isa,
         (width, height): (u32, u32),
         shapes: &mut [Self],
+        stretches: &mut [Stretch],
         sides: impl Fn(usize) -> Option<[i32; 4]>,
     ) {
-        /// So many at once, for vectors.
-        const BATCH: usize = 16;
         let largest = [width, height].map(|size| if size < 4 { 0 } else { ((size - 1).ilog2() - 1).min(MAX_LOG) });
-        for (batch, shapes) in shapes.chunks_mut(BATCH).enumerate() {
+        for (batch, (shapes, stretches)) in shapes.chunks_mut(BATCH).zip(stretches.chunks_mut(BATCH)).enumerate() {
             let mut footprints = [[0.0; BATCH]; 4];
             for (index, _) in shapes.iter().enumerate() {
                 for (column, side) in footprints.iter_mut().zip(sides(batch * BATCH + index).unwrap_or_default()) {
@@ -48,6 +48,8 @@ impl Shape {
                 let [kx, ky, along, down] = u32::to_le_bytes(packed);
                 *shape = Self { kx, ky, along, down };
             }
+            let found = Stretch::of_batch(isa, &footprints, &packed);
+            stretches.copy_from_slice(&found[..stretches.len()]);
         }
     }
 
@@ -110,6 +112,9 @@ fn body(largest: [u32; 2], sides: [&[f32]; 4], shapes: &mut [u32]) {
     /// These, times this where the footprint fills this part of its bounding box or less, and more the more it fills.
     const ACROSS: (f32, f32) = (0.6, 0.6);
     const MORE: f32 = 4.8;
+    /// Where the road is seen from so far above that footprints are no longer slivers, all cells near the camera are as
+    /// good as the source allows, and lattices and boxes show: they are finer by this there, see [`steepness`].
+    const STEEP: f32 = 3.0;
     /// Of a step between two sizes of boxes, how much is rounded up: 2^0.4.
     const UP: f32 = 1.32;
     /// The same where the lattice is known: 2^0.32.
@@ -121,6 +126,7 @@ fn body(largest: [u32; 2], sides: [&[f32]; 4], shapes: &mut [u32]) {
         let [ax, ay, bx, by] = [ax[i].abs(), ay[i].abs(), bx[i].abs(), by[i].abs()];
         let filled = area / larger((ax + bx) * (ay + by), 0.01);
         let longer = ACROSS.0 + MORE * larger(smaller(filled, 1.0) - ACROSS.1, 0.0);
+        let longer = longer / (1.0 + STEEP * steepness(area, ax * ax + ay * ay + bx * bx + by * by));
         let (wide, high) = (larger(larger(ax, bx), 1.0), larger(larger(ay, by), 1.0));
         // a footprint is at least a pixel thick
         let chord_x = larger(smaller(larger(area, wide) / high, wide), 1.0);
@@ -142,15 +148,28 @@ fn body(largest: [u32; 2], sides: [&[f32]; 4], shapes: &mut [u32]) {
     }
 }
 
+/// From 0, the footprint is a sliver or a few pixels, to 1, it is about as wide as it is long; `squares` is the sum of its
+/// sides' squares.
+///
+/// A square cell that is seen at an angle e to the road has `2 area / squares` of `2 sin(e) / (1 + sin(e)^2)`: this is from
+/// 13 to 19 degrees. The cells of a camera that looks ahead over the hood are all below.
+#[inline(always)]
+pub(super) fn steepness(area: f32, squares: f32) -> f32 {
+    /// Smaller footprints, in pixels, are as good as their few pixels.
+    const SMALL: f32 = 16.0;
+    let round = 2.0 * area / larger(squares, 0.01);
+    if area > SMALL { smaller(larger((round - 0.45) * (1.0 / 0.15), 0.0), 1.0) } else { 0.0 }
+}
+
 // of the standard library's the compiler makes no vectors, for the sake of NaN
 
 #[inline(always)]
-fn larger(a: f32, b: f32) -> f32 {
+pub(super) fn larger(a: f32, b: f32) -> f32 {
     if a > b { a } else { b }
 }
 
 #[inline(always)]
-fn smaller(a: f32, b: f32) -> f32 {
+pub(super) fn smaller(a: f32, b: f32) -> f32 {
     if a < b { a } else { b }
 }
 
@@ -162,6 +181,6 @@ fn floor_log2(number: f32) -> u32 {
 
 /// `2^log`.
 #[inline(always)]
-fn power(log: u32) -> f32 {
+pub(super) fn power(log: u32) -> f32 {
     f32::from_bits((log + 127) << 23)
 }
