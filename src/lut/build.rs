@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::kernels::{BentRow, Offsets, ProjectiveRow};
+use super::kernels::{BentRow, Offsets, ProjectiveRow, Row};
 use super::surface::Surface;
 use super::{Lut, table::Table};
 use crate::camera::{Camera, Lens, check_image_size};
@@ -40,7 +40,7 @@ impl Lut {
     /// [`Error::OutOfMemory`].
     pub fn new(camera: &Camera, grid: &BevGrid, ground: &Ground) -> Result<Self> {
         let isa = Isa::active()?;
-        let ys: Vec<f64> = (0..grid.columns()).map(|column| grid.y_of_column(column as f64)).collect();
+        let ys: Row = (0..grid.columns()).map(|column| grid.y_of_column(column as f64)).collect();
         let shape = (grid.rows(), grid.columns());
         let table = match ground {
             Ground::Plane(plane) => match camera.lens() {
@@ -105,7 +105,7 @@ impl Lut {
         let size = check_image_size("size", size.0.into(), size.1.into())?;
         let source = check_image_size("source_size", source_size.0.into(), source_size.1.into())?;
         let isa = Isa::active()?;
-        let columns: Vec<f64> = (0..size.0).map(f64::from).collect();
+        let columns: Row = (0..size.0).map(f64::from).collect();
         let table = Table::build((size.1 as usize, size.0 as usize), source, isa, |row, us, vs| {
             homography_row(m, row).fill(isa, &columns, us, vs);
         })?;

@@ -1,6 +1,6 @@
 //! What a table says of one cell.
 
-/// Fractions are Q15: 1/32768 of a pixel, 2^-16 at most from the true coordinate. That is 0.008 of 255 grey levels
+/// Fractions are Q15: 1/32768 of a pixel, 2^-16 (and 2^-21, lost in rounding) at most from the true coordinate. That is 0.008 of 255 grey levels
 /// over both axes, and leaves the top bit of a `u16` for [`STEP`].
 pub(crate) const ONE: u32 = 1 << 15;
 

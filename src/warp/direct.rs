@@ -10,7 +10,7 @@ use crate::cpu::Isa;
 use crate::error::{Error, Result};
 use crate::grid::check_cells;
 use crate::image::{ImageView, ImageViewMut, Sample};
-use crate::lut::kernels::{Kinds, widen};
+use crate::lut::kernels::{Kinds, Row, Sampled, widen};
 use crate::lut::table::{RowRuns, Tap};
 use crate::lut::{check_homography, homography_row};
 use crate::parallel;
@@ -141,8 +141,8 @@ pub fn inverse_homography(m: &Matrix3<f64>) -> Result<Matrix3<f64>> {
 
 /// What one thread needs for a row, used for all of its rows.
 struct Scratch {
-    us: Vec<f64>,
-    vs: Vec<f64>,
+    us: Row,
+    vs: Row,
     taps: Vec<Tap>,
     runs: RowRuns,
     kinds: Kinds,
@@ -166,12 +166,12 @@ fn run<T: Sample>(
     let border = options.border(image.channels(), 1)?;
     let (threads, isa) = (options.threads_for(rows * columns, channels)?, options.isa()?);
     let source = Source::new(image, &border);
-    let whole: Vec<f64> = (0..columns).map(|column| column as f64).collect();
+    let whole: Row = (0..columns).map(|column| column as f64).collect();
     let bands = out.bands(parallel::rows_per_band(rows, columns, threads));
     parallel::for_each(threads, bands, |(first, band)| {
         let mut scratch = Scratch {
-            us: vec![0.0; columns],
-            vs: vec![0.0; columns],
+            us: Row::filled(columns, 0.0),
+            vs: Row::filled(columns, 0.0),
             taps: vec![Tap::default(); columns],
             runs: RowRuns::default(),
             kinds: Kinds::default(),
@@ -181,8 +181,7 @@ fn run<T: Sample>(
             mapping.fill(isa, row, &whole, us, vs);
             border_mode.fold(us, image.width());
             border_mode.fold(vs, image.height());
-            runs.clear();
-            runs.push(isa, (us, vs), source_size, taps, kinds);
+            runs.repack(isa, Sampled { us, vs, source: source_size }, taps, kinds);
             warp_segments(runs.segments(0, taps), &source, cells, &kernels, false);
         }
     });

@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::for_each_isa;
+use super::{Row, for_each_isa};
 use crate::camera::lens::{Distort, Spheres, Terms};
 use crate::camera::{Eucm, KannalaBrandt, Lens, Mei, Ocam, RadialPolynomial};
 use crate::cpu::Isa;
@@ -19,9 +19,9 @@ pub(crate) struct BentRow<'a> {
 
 /// Where the points of a row lie beside its origin, in the camera frame. On a plane, all rows share them.
 pub(crate) struct Offsets {
-    x: Vec<f64>,
-    y: Vec<f64>,
-    z: Vec<f64>,
+    x: Row,
+    y: Row,
+    z: Row,
 }
 
 impl Offsets {
@@ -80,7 +80,7 @@ fn fill<L: Distort, const SKEW: bool>(row: &BentRow<'_>, lens: &L, offsets: &Off
     // as Pinhole::pixel: fx x + skew y + cx
     let pixel = |(x, y): (f64, f64)| (if SKEW { fx * x + skew * y + cx } else { fx * x + cx }, fy * y + cy);
     if let Some(bend) = lens.after_division() {
-        // In two loops: each is a short chain, of which the processor keeps more in flight.
+        // In two loops: each is a short chain, of which the processor keeps more in flight. In one: 1.35 times as long.
         for i in 0..cells {
             let z = a.z + zs[i];
             let w = if z > 0.0 { 1.0 / z } else { f64::NAN };

@@ -4,16 +4,18 @@
 //! build lacks), so that the compiler turns one body into vectors for each instruction set. Every operation is exact or
 //! correctly rounded and nothing is fused, so all give the same table to the last bit.
 
+mod aligned;
 mod bent;
 mod heights;
 mod projective;
 mod quantise;
 mod widen;
 
+pub(crate) use aligned::Row;
 pub(crate) use bent::{BentRow, Offsets};
 pub(crate) use heights::HeightsRow;
 pub(crate) use projective::ProjectiveRow;
-pub(crate) use quantise::{Kinds, quantise, quantise_one, zeroed};
+pub(crate) use quantise::{Kinds, Sampled, quantise_one};
 pub(crate) use widen::widen;
 
 /// Compiles a function once for each instruction set, and calls the one that `isa` names: its body for scalar (and for

@@ -7,8 +7,14 @@ use super::for_each_isa;
 use crate::cpu::Isa;
 use crate::lut::tap::{ONE, RunKind, Tap};
 
-/// Added to a float64 from 0 to 2^52, it leaves the whole part, rounded to even, in the low bits.
-const WHOLE: f64 = (1u64 << 52) as f64;
+/// The coordinates of a row on a source: `us[i]` and `vs[i]` in pixels, NaN where there is none.
+#[derive(Clone, Copy)]
+pub(crate) struct Sampled<'a> {
+    pub(crate) us: &'a [f64],
+    pub(crate) vs: &'a [f64],
+    /// Width and height.
+    pub(crate) source: (u32, u32),
+}
 
 /// What each cell of a row is.
 #[derive(Default)]
@@ -17,96 +23,93 @@ pub(crate) struct Kinds {
 }
 
 impl Kinds {
-    /// The kind and the cells of each run, from left to right.
-    pub(crate) fn runs(&self) -> impl Iterator<Item = (RunKind, Range<usize>)> {
-        let mut next = 0;
+    /// Writes the taps of all cells as if all were inside, and tells the kind and the cells of each run from left to right.
+    pub(crate) fn quantise<'a>(
+        &'a mut self,
+        isa: Isa,
+        row: Sampled<'a>,
+        taps: &mut [MaybeUninit<Tap>],
+    ) -> impl Iterator<Item = (RunKind, Range<usize>)> + use<'a> {
+        let cells = row.us.len();
+        self.kinds.resize(cells, 0);
+        let kinds = &mut self.kinds[..];
+        // SAFETY: a tap is 8 bytes with the alignment of a number, any bits are one, and only numbers are written.
+        let taps = unsafe { std::slice::from_raw_parts_mut(taps.as_mut_ptr().cast::<MaybeUninit<u64>>(), taps.len()) };
+        quantise_inside(isa, row, taps, kinds);
+        // most cells are inside; of the others it is found out what they are when their turn comes
+        let (mut next, mut known) = (0, 0);
         std::iter::from_fn(move || {
             let first = next;
-            let &kind = self.kinds.get(first)?;
-            next += equal_prefix(&self.kinds[first..], kind);
+            if first == known {
+                let end = first + equal_prefix(&kinds[first..], RunKind::Inside as u8);
+                if end > first {
+                    (next, known) = (end, end);
+                    return Some((RunKind::Inside, first..end));
+                }
+                known += equal_prefix(&kinds[first..], RunKind::Outside as u8);
+                let others = first..known;
+                let others_of_row = Sampled { us: &row.us[others.clone()], vs: &row.vs[others.clone()], ..row };
+                classify(isa, others_of_row, &mut kinds[others]);
+            }
+            let &kind = kinds[..known].get(first)?;
+            next += equal_prefix(&kinds[first..known], kind);
             Some((RunKind::from_byte(kind), first..next))
         })
     }
 }
 
-/// Fills room for taps with zeros.
-pub(crate) fn zeroed(room: &mut [MaybeUninit<Tap>]) -> &mut [Tap] {
-    room.fill(MaybeUninit::new(Tap::default()));
-    // SAFETY: all of them have just been written, and the room has the layout of taps.
-    unsafe { &mut *(std::ptr::from_mut(room) as *mut [Tap]) }
+fn quantise_inside(isa: Isa, row: Sampled<'_>, taps: &mut [MaybeUninit<u64>], kinds: &mut [u8]) {
+    for_each_isa!(isa, (taps_of_row, taps_of_row, taps_of_row)(
+        row: Sampled<'_>, taps: &mut [MaybeUninit<u64>], kinds: &mut [u8]
+    ));
 }
 
-/// Works out the cells that sample at (us[i], vs[i]): what they are, and their taps as if all were inside.
-pub(crate) fn quantise(isa: Isa, us: &[f64], vs: &[f64], source: (u32, u32), taps: &mut [Tap], kinds: &mut Kinds) {
-    kinds.kinds.resize(us.len(), 0);
-    let kinds = &mut kinds.kinds[..];
-    // SAFETY: a tap is 8 bytes with the alignment of a number, and any bits are one.
-    let taps = unsafe { std::slice::from_raw_parts_mut(taps.as_mut_ptr().cast::<u64>(), taps.len()) };
-    quantise_inside(isa, us, vs, source, taps, kinds);
-    // most cells are inside; of the others it is found out what they are
-    let mut next = 0;
-    while next < kinds.len() {
-        next += equal_prefix(&kinds[next..], RunKind::Inside as u8);
-        let others = next..next + equal_prefix(&kinds[next..], RunKind::Outside as u8);
-        next = others.end;
-        classify(isa, &us[others.clone()], &vs[others.clone()], source, &mut kinds[others]);
-    }
+fn classify(isa: Isa, row: Sampled<'_>, kinds: &mut [u8]) {
+    for_each_isa!(isa, (kinds_of_cells, kinds_of_cells, kinds_of_cells)(row: Sampled<'_>, kinds: &mut [u8]));
 }
 
-fn quantise_inside(isa: Isa, us: &[f64], vs: &[f64], source: (u32, u32), taps: &mut [u64], kinds: &mut [u8]) {
-    for_each_isa!(
-        isa,
-        (taps_of_row::<Plain>, taps_of_row::<Rounding<false>>, taps_of_row::<Rounding<true>>)(
-            us: &[f64], vs: &[f64], source: (u32, u32), taps: &mut [u64], kinds: &mut [u8]
-        )
-    );
-}
-
-fn classify(isa: Isa, us: &[f64], vs: &[f64], source: (u32, u32), kinds: &mut [u8]) {
-    for_each_isa!(
-        isa,
-        (kinds_of_cells, kinds_of_cells, kinds_of_cells)(us: &[f64], vs: &[f64], source: (u32, u32), kinds: &mut [u8])
-    );
-}
-
-/// How many entries at the start of `kinds` are `kind`.
+/// How many entries at the start of `kinds` are `kind`: by 64, by 8 and one by one, because rows are mostly long runs.
 fn equal_prefix(kinds: &[u8], kind: u8) -> usize {
-    let word = [kind; 16];
-    let words = kinds.as_chunks::<16>().0.iter().take_while(|&&sixteen| sixteen == word).count();
-    16 * words + kinds[16 * words..].iter().take_while(|&&entry| entry == kind).count()
+    // not `==` of arrays, which calls the C library
+    let differ = |cells: &[u8; 64]| cells.iter().fold(0, |any, &cell| any | (cell ^ kind));
+    let long = 64 * kinds.as_chunks::<64>().0.iter().take_while(|cells| differ(cells) == 0).count();
+    let short = kinds[long..].as_chunks::<8>().0.iter().take_while(|&&cells| cells == [kind; 8]).count();
+    let done = long + 8 * short;
+    done + kinds[done..].iter().take_while(|&&cell| cell == kind).count()
 }
 
 /// The taps of all cells, and [`RunKind::Inside`] or else [`RunKind::Outside`] for each.
 #[inline(always)]
-fn taps_of_row<A: Arithmetic>(us: &[f64], vs: &[f64], (width, height): (u32, u32), taps: &mut [u64], kinds: &mut [u8]) {
+fn taps_of_row(row: Sampled<'_>, taps: &mut [MaybeUninit<u64>], kinds: &mut [u8]) {
+    let Sampled { us, vs, source: (width, height) } = row;
     let cells = us.len();
     let (vs, taps, kinds) = (&vs[..cells], &mut taps[..cells], &mut kinds[..cells]);
-    // within 2^-16 of the last pixel a coordinate becomes that pixel, which has no next: such cells are on the rim
-    let (last_u, last_v) = (f64::from(width) - 1.0 - 1.0 / STEPS, f64::from(height) - 1.0 - 1.0 / STEPS);
-    let stride = f64::from(width);
-    let first = WHOLE - stride - 1.0; // the axes count from 1
+    // Within 2^-16 of the last pixel a coordinate becomes that pixel, which has no next: such cells are on the rim.
+    // The bits of a positive float64 grow with it, and those of a negative one or of NaN are above them all.
+    let last = |side: u32| (f64::from(side) - 1.0 - 1.0 / STEPS).max(0.0).to_bits();
+    let (last_u, last_v) = (last(width), last(height));
+    let stride = u64::from(width);
     // by index: of zipped iterators the compiler makes no vectors
     for i in 0..cells {
         let (u, v) = (us[i], vs[i]);
-        let inside = (u >= 0.0) & (u < last_u) & (v >= 0.0) & (v < last_v); // NaN is not
+        let inside = (u.to_bits() < last_u) & (v.to_bits() < last_v);
         // elsewhere the tap is anything at all, and not used
-        let (x, fx) = axis::<A>(u);
-        let (y, fy) = axis::<A>(v);
-        let offset = (A::exact_mul_add(y, stride, x) + first).to_bits() & 0xffff_ffff;
-        let fractions = (A::exact_mul_add(fy, 65536.0, fx) + WHOLE).to_bits() & 0xffff_ffff;
+        let ((x, fx), (y, fy)) = (axis(u), axis(v));
+        let offset = (y & LOW).wrapping_mul(stride).wrapping_add(x) & LOW;
         // in memory as the fields of `Tap`: offset, x, y
-        taps[i] = if cfg!(target_endian = "little") {
-            offset | fractions << 32
+        taps[i].write(if cfg!(target_endian = "little") {
+            offset | (fx & 0xffff) << 32 | fy << 48
         } else {
-            offset << 32 | (fractions & 0xffff) << 16 | fractions >> 16
-        };
+            offset << 32 | (fx & 0xffff) << 16 | fy & 0xffff
+        });
         kinds[i] = u8::from(inside);
     }
 }
 
 /// What cells are that [`taps_of_row`] did not find inside.
 #[inline(always)]
-fn kinds_of_cells(us: &[f64], vs: &[f64], (width, height): (u32, u32), kinds: &mut [u8]) {
+fn kinds_of_cells(row: Sampled<'_>, kinds: &mut [u8]) {
+    let Sampled { us, vs, source: (width, height) } = row;
     let cells = us.len();
     let (vs, kinds) = (&vs[..cells], &mut kinds[..cells]);
     let (w, h) = (f64::from(width), f64::from(height));
@@ -121,73 +124,97 @@ fn kinds_of_cells(us: &[f64], vs: &[f64], (width, height): (u32, u32), kinds: &m
 
 const STEPS: f64 = ONE as f64;
 
-/// One more than the whole pixel at or before a coordinate above -1, and the Q15 fraction, plus 32768 where the nearest
-/// pixel is the next one. Within 2^-16 of the next pixel the coordinate is that pixel.
+/// The low half of a number.
+const LOW: u64 = 0xffff_ffff;
+
+/// Bits of a coordinate below a Q15 step that are looked at for rounding.
+const BELOW: u32 = 5;
+
+/// Added to a coordinate from 0 to 2^31, which is more than a source is wide, it leaves the coordinate in 2^-20 pixels in
+/// the low bits, and half a step of Q15 more, so that dropping [`BELOW`] bits rounds to the nearest step.
+const FIXED: f64 = (1u64 << (52 - 15 - BELOW)) as f64 + 0.5 / STEPS;
+
+/// Added to a float64 of less than 2^50, it leaves the nearest whole number, halves to even, in the low bits.
+const WHOLE: f64 = 1.5 * (1u64 << 52) as f64;
+
+/// The whole pixel at or before a coordinate that is not negative, in the low 32 bits, and in the low 16 of the other its
+/// Q15 fraction, plus 32768 where the nearest pixel is the next one. Within 2^-16 of the next pixel the coordinate is
+/// that pixel.
+///
+/// The integers are sums of float64: with floors, taps of the seed job took 0.19 ms instead of 0.11, and 2.5 ms instead of
+/// 1.0 without vectors.
 #[inline(always)]
-fn axis<A: Arithmetic>(coordinate: f64) -> (f64, f64) {
-    // one pixel more than it is, so that it is positive, in steps, rounded half up
-    let steps = A::floor(A::exact_mul_add(coordinate, STEPS, STEPS + 0.5));
-    let pixel = A::floor(steps * (1.0 / STEPS));
-    let fraction = A::exact_mul_add(pixel, -STEPS, steps);
-    let step = A::nearest(coordinate) - pixel + 1.0; // half to even, as np.round: 0 or 1
-    (pixel, A::exact_mul_add(step, STEPS, fraction))
+fn axis(coordinate: f64) -> (u64, u64) {
+    split(coordinate + FIXED, coordinate + WHOLE)
 }
 
-/// Operations that the instruction sets have in different forms, with the same results.
-trait Arithmetic {
-    /// The floor of a number from 0 to 2^51.
-    fn floor(number: f64) -> f64;
-    /// The nearest whole number, halves to even, of a number below 2^51.
-    fn nearest(number: f64) -> f64;
-    /// a b + c, where a b is exact: fused or not is the same.
-    fn exact_mul_add(a: f64, b: f64, c: f64) -> f64;
+/// [`axis`] from the coordinate, or one that is an even number of pixels further, in steps, and from the nearest pixel.
+#[inline(always)]
+fn split(fixed: f64, nearest: f64) -> (u64, u64) {
+    let (steps, pixel) = (fixed.to_bits() >> BELOW, fixed.to_bits() >> (BELOW + 15));
+    // the nearest is this pixel or the next: one bit tells which
+    (pixel, steps ^ nearest.to_bits() << 15)
 }
 
-/// Without an instruction for rounding: the baseline.
-struct Plain;
-
-impl Arithmetic for Plain {
-    #[inline(always)]
-    fn floor(number: f64) -> f64 {
-        let rounded = (number + WHOLE) - WHOLE;
-        rounded - if rounded > number { 1.0 } else { 0.0 }
-    }
-
-    #[inline(always)]
-    fn nearest(number: f64) -> f64 {
-        (number + 1.5 * WHOLE) - 1.5 * WHOLE
-    }
-
-    #[inline(always)]
-    fn exact_mul_add(a: f64, b: f64, c: f64) -> f64 {
-        a * b + c
-    }
-}
-
-/// With one, and where `FUSED` with one that multiplies and adds.
-#[cfg(target_arch = "x86_64")]
-struct Rounding<const FUSED: bool>;
-
-#[cfg(target_arch = "x86_64")]
-impl<const FUSED: bool> Arithmetic for Rounding<FUSED> {
-    #[inline(always)]
-    fn floor(number: f64) -> f64 {
-        number.floor()
-    }
-
-    #[inline(always)]
-    fn nearest(number: f64) -> f64 {
-        number.round_ties_even()
-    }
-
-    #[inline(always)]
-    fn exact_mul_add(a: f64, b: f64, c: f64) -> f64 {
-        if FUSED { a.mul_add(b, c) } else { a * b + c }
-    }
-}
-
-/// The whole pixel and the packed fraction of one coordinate.
+/// The whole pixel at or before a coordinate above -1, and the packed fraction.
 pub(crate) fn quantise_one(coordinate: f64) -> (i64, u16) {
-    let (pixel, fraction) = axis::<Plain>(coordinate);
-    (pixel as i64 - 1, fraction as u16)
+    let moved = if coordinate < 0.0 { 2.0 } else { 0.0 };
+    let (pixel, fraction) = split(coordinate + moved + FIXED, coordinate + WHOLE);
+    ((pixel & LOW) as i64 - moved as i64, fraction as u16)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn taps_hold_the_pixel_the_fraction_and_the_step_to_the_nearest() {
+        // as far as a source may reach, and around whole pixels, halves and halves of a step
+        let whole = [0.0, 1.0, 2.0, 1079.0, 65_535.0, 65_536.0, 1_048_575.0, 1_400_000_000.0];
+        let parts = [0.0, 0.25, 0.5, 0.75, 0.5 / STEPS, 1.5 / STEPS, 1.0 - 0.5 / STEPS, 1.0 - 1.0 / STEPS];
+        let nudges = [-1e-9, 0.0, 1e-9, 1e-6, 0.125];
+        let mut coordinates = vec![];
+        for at in whole {
+            for part in parts {
+                coordinates.extend(nudges.map(|nudge| at + part + nudge).into_iter().filter(|&u| u >= 0.0));
+            }
+        }
+        let vs = vec![0.75; coordinates.len()];
+        let source = (1_431_655_760, 2);
+        for &isa in Isa::available() {
+            let mut taps = vec![MaybeUninit::new(Tap::default()); coordinates.len()];
+            let row = Sampled { us: &coordinates, vs: &vs, source };
+            let mut scratch = Kinds::default();
+            let runs: Vec<_> = scratch.quantise(isa, row, &mut taps).collect();
+            // rows of so wide sources have rims only below
+            assert_eq!(runs, [(RunKind::Inside, 0..coordinates.len())]);
+            for (u, tap) in coordinates.iter().zip(&taps) {
+                // SAFETY: it was made from a tap, and only taps are written.
+                let tap = unsafe { tap.assume_init() };
+                let (pixel, packed) = quantise_one(*u);
+                assert_eq!((i64::from(tap.offset), tap.x, tap.y), (pixel, packed, 0xe000), "{isa:?} {u}");
+                let at = f64::from(tap.offset) + f64::from(tap.fx()) / STEPS;
+                assert!((at - u).abs() <= 0.516 / STEPS, "{isa:?} {u} {at}");
+                assert_eq!(f64::from(tap.offset + tap.step_x()), u.round_ties_even(), "{isa:?} {u}");
+            }
+        }
+    }
+
+    #[test]
+    fn zeros_of_both_signs_and_what_is_no_number_are_sorted_out() {
+        let us = [0.0, -0.0, -1e-300, 1e-300, f64::NAN, -f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 2.5];
+        for &isa in Isa::available() {
+            let (vs, mut taps) = ([0.5; 9], [MaybeUninit::uninit(); 9]);
+            let row = Sampled { us: &us, vs: &vs, source: (4, 3) };
+            let mut scratch = Kinds::default();
+            let mut kinds = vec![];
+            for (kind, cells) in scratch.quantise(isa, row, &mut taps) {
+                kinds.extend(cells.map(|_| kind));
+            }
+            use RunKind::{Halo, Inside, Outside, Rim};
+            // -0.0 is on the image; that it is on the rim costs nothing
+            let expected = [Inside, Rim, Halo, Inside, Outside, Outside, Outside, Outside, Inside];
+            assert_eq!(kinds, expected, "{isa:?}");
+        }
+    }
 }
