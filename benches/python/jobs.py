@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,10 +67,22 @@ LENSES = {
 """Lenses to put before the seed job's camera, each of a model that OpenCV has too."""
 
 
-class Scene:
-    """Camera, grid and coordinates, in every form that some library wants. Nothing here is timed."""
+def bilinear(image: NDArray[np.generic], u: NDArray[np.float64], v: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Sample the image in float64 at points that lie inside it, from the definition."""
+    column, row = np.floor(u).astype(int), np.floor(v).astype(int)
+    a, b = ((part - whole).reshape(*u.shape, *(1,) * (image.ndim - 2)) for part, whole in ((u, column), (v, row)))
+    top = image[row, column] * (1 - a) + image[row, column + 1] * a
+    bottom = image[row + 1, column] * (1 - a) + image[row + 1, column + 1] * a
+    return top * (1 - b) + bottom * b
 
-    def __init__(self, name: str = "seed") -> None:
+
+class Scene:
+    """Camera, grid and coordinates, in every form that some library wants. Nothing here is timed.
+
+    With `cell`, the seed job in cells of so many metres along x and y, which are sampled at their centres.
+    """
+
+    def __init__(self, name: str = "seed", cell: tuple[float, float] | None = None) -> None:
         camera = ipm_rs.Camera.from_cityscapes(CALIBRATION)
         if name == "large":
             intrinsics = np.diag([1.875, 1.875, 1.0]) @ camera.intrinsics
@@ -78,9 +91,14 @@ class Scene:
             camera = camera.resized(64, 64)
         rows, columns = {"seed": (860, 800), "large": (2000, 2000), "small": (64, 64)}[name]
         self.camera = camera
-        self.resolution = ((X[1] - X[0]) / rows, (Y[1] - Y[0]) / columns)
-        self.grid = ipm_rs.BevGrid(x=X, y=Y, resolution=self.resolution, sample_at="corner")
-        self.lut = ipm_rs.Lut(self.camera, self.grid)
+        self.resolution = cell or ((X[1] - X[0]) / rows, (Y[1] - Y[0]) / columns)
+        sample_at = "center" if cell else "corner"
+        self.grid = ipm_rs.BevGrid(x=X, y=Y, resolution=self.resolution, sample_at=sample_at)
+
+    @cached_property
+    def lut(self) -> ipm_rs.Lut:
+        """The table."""
+        return ipm_rs.Lut(self.camera, self.grid)
 
     @property
     def source_size(self) -> tuple[int, int]:
@@ -95,8 +113,10 @@ class Scene:
     @cached_property
     def homography(self) -> NDArray[np.float64]:
         """Output pixel (column, row, 1) -> source pixel, scaled so that the last entry is 1."""
-        (x_max, y_max), (dx, dy) = (X[1], Y[1]), self.resolution
-        ground_from_cell = np.array([[0.0, -dx, x_max], [-dy, 0.0, y_max], [0.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+        dx, dy = self.resolution
+        into_cell = 0.5 if self.grid.sample_at == "center" else 0.0
+        x, y = X[1] - into_cell * dx, Y[1] - into_cell * dy  # of the first sample
+        ground_from_cell = np.array([[0.0, -dx, x], [-dy, 0.0, y], [0.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
         matrix = self.camera.intrinsics @ self.camera.camera_from_vehicle[:3] @ ground_from_cell
         return matrix / matrix[2, 2]
 
@@ -104,7 +124,10 @@ class Scene:
     def uv(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Source coordinates of every cell in float64; this camera has the whole grid in front of it."""
         rows, columns = self.shape
-        column, row = np.arange(columns), np.arange(rows)[:, None]
+        return self.project(np.arange(columns), np.arange(rows)[:, None])
+
+    def project(self, column: NDArray[Any], row: NDArray[Any]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Source coordinates of places in the grid, whole numbers being the samples of its cells."""
         u, v, w = (a * column + b * row + c for a, b, c in self.homography)
         return u / w, v / w
 
@@ -144,11 +167,7 @@ class Scene:
         u, v = (coordinate[self.inside] for coordinate in self.uv)
         if job.interpolation == "nearest":
             return image[np.rint(v).astype(int), np.rint(u).astype(int)].astype(np.float64)
-        column, row = np.floor(u).astype(int), np.floor(v).astype(int)
-        a, b = ((part - whole).reshape(-1, *(1 for _ in job.shape_suffix)) for part, whole in ((u, column), (v, row)))
-        top = image[row, column] * (1 - a) + image[row, column + 1] * a
-        bottom = image[row + 1, column] * (1 - a) + image[row + 1, column + 1] * a
-        return top * (1 - b) + bottom * b
+        return bilinear(image, u, v)
 
     def error(self, job: Job, exact: NDArray[np.float64], answer: NDArray[np.generic]) -> float:
         """How far `answer` is from `exact`: the largest difference, or under nearest the share of other pixels."""
