@@ -18,6 +18,7 @@ from typing import Any
 
 import cv2
 
+import areas
 import cells
 import clouds
 import ipm_rs
@@ -107,6 +108,7 @@ def measure(threads: int, only: str | None, rounds: int, seconds: float) -> dict
         result["builds"] = measure_builds(seed, threads, rounds, seconds)
         result["lens_builds"] = measure_lens_builds(seed, threads, rounds, seconds)
         result["frames"] = measure_warps(seed, JOBS[0], threads, rounds, seconds, FRAMES)
+        result["areas"] = areas.measure(threads, rounds, seconds)
         result["clouds"] = clouds.measure(threads, rounds, seconds)
         result["coverage"] = float(seed.lut.mask.mean())
         result["environment"] = environment()
@@ -159,6 +161,7 @@ def main() -> None:
         "builds": {threads: run["builds"] for threads, run in runs.items()},
         "lens_builds": {threads: run["lens_builds"] for threads, run in runs.items()},
         "frames": {threads: run["frames"] for threads, run in runs.items()},
+        "areas": {threads: run["areas"] for threads, run in runs.items()},
         "clouds": {threads: run["clouds"] for threads, run in runs.items()},
         "cells": next((run["cells"] for run in runs.values() if "cells" in run), {}),
         "python_threads": next((run["python_threads"] for run in runs.values() if "python_threads" in run), {}),
@@ -169,7 +172,8 @@ def main() -> None:
             results["isas"][isa] = in_child(1, arguments, isa)["warps"]
     text = page(results)
     if arguments.quick:
-        measured = [*results["warps"].values(), *results["clouds"].values()]
+        warped_areas = [run["warps"] for run in results["areas"].values()]
+        measured = [*results["warps"].values(), *warped_areas, *results["clouds"].values()]
         rows = [row for jobs in measured for job in jobs.values() for row in job.values()]
         print(f"{len(rows)} answers checked, {sum(row['agrees'] for row in rows)} agree with the exact one")
         return
