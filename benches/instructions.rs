@@ -15,6 +15,8 @@ use ipm_rs::{
 };
 
 const SIZE: (usize, usize) = (1024, 512);
+const CELL: (f64, f64) = (0.1, 0.05);
+const AREA_CELL: (f64, f64) = (0.1, 0.1);
 
 /// What is counted: nothing outside this function is.
 #[inline(never)]
@@ -35,6 +37,8 @@ fn main() {
         "bilinear f32x3" => warp::<f32>(&camera, 3, Interpolation::Bilinear, f32::from),
         "nearest u8x1" => warp::<u8>(&camera, 1, Interpolation::Nearest, |byte| byte),
         "nearest u8x3" => warp::<u8>(&camera, 3, Interpolation::Nearest, |byte| byte),
+        "area u8x3" => area(&camera, 3, true),
+        "area plan" => area(&camera, 1, false),
         "table" => table(&camera),
         "homography u8x3" => homography(),
         other => panic!("expected a job of benches/instructions.json, got {other:?}"),
@@ -49,7 +53,7 @@ fn println_cells(cells: usize) {
 
 /// Warps through a table; returns the valid cells.
 fn warp<T: Bilinear>(camera: &Camera, channels: usize, interpolation: Interpolation, sample: fn(u8) -> T) -> usize {
-    let lut = Lut::new(camera, &seed_grid((0.1, 0.05)), &Ground::default()).expect("the seed job fits");
+    let lut = Lut::new(camera, &seed_grid(CELL), &Ground::default()).expect("the seed job fits");
     let data: Vec<T> = textured(SIZE.0 * SIZE.1 * channels).into_iter().map(sample).collect();
     let image = ImageView::new(&data, SIZE, channels).expect("the image fits its size");
     let mut out = vec![T::default(); lut.rows() * lut.columns() * channels];
@@ -59,10 +63,27 @@ fn warp<T: Bilinear>(camera: &Camera, channels: usize, interpolation: Interpolat
     lut.valid_cells()
 }
 
+/// Averages over cells through a table, by the first warp, which makes the plan, or by a later one; returns the valid cells.
+fn area(camera: &Camera, channels: usize, planned: bool) -> usize {
+    ipm_rs::set_num_threads(1).expect("one is a number of threads");
+    let lut = Lut::new(camera, &seed_grid(AREA_CELL), &Ground::default()).expect("the seed job fits");
+    let data = textured(SIZE.0 * SIZE.1 * channels);
+    let image = ImageView::new(&data, SIZE, channels).expect("the image fits its size");
+    let mut out = vec![0; lut.rows() * lut.columns() * channels];
+    let mut out = ImageViewMut::new(&mut out, (lut.columns(), lut.rows()), channels).expect("the output fits");
+    let options = WarpOptions { interpolation: Interpolation::Area, threads: Some(1), ..WarpOptions::default() };
+    let mut warp = || lut.warp_into(black_box(&image), &mut out, &options).expect("the image fits the table");
+    if planned {
+        warp();
+    }
+    counted(&mut warp);
+    lut.valid_cells()
+}
+
 /// Builds a table; returns its cells.
 fn table(camera: &Camera) -> usize {
     ipm_rs::set_num_threads(1).expect("one is a number of threads");
-    let grid = seed_grid((0.1, 0.05));
+    let grid = seed_grid(CELL);
     let mut lut = None;
     counted(&mut || lut = Some(Lut::new(black_box(camera), &grid, &Ground::default()).expect("the seed job fits")));
     lut.map_or(0, |lut| lut.rows() * lut.columns())

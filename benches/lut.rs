@@ -3,9 +3,12 @@
 #[path = "../tests/common/mod.rs"]
 mod common;
 
-use common::{seed_camera, seed_grid};
+use common::{seed_camera, seed_grid, textured};
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use ipm_rs::{BrownConrady, DoubleSphere, Eucm, Ground, KannalaBrandt, Lens, Lut, Mei, Ocam, RadialPolynomial};
+use ipm_rs::{
+    BrownConrady, DoubleSphere, Eucm, Ground, ImageView, ImageViewMut, Interpolation, KannalaBrandt, Lens, Lut, Mei,
+    Ocam, RadialPolynomial, WarpOptions,
+};
 
 fn build(criterion: &mut Criterion) {
     let (camera, grid, ground) = (seed_camera(), seed_grid((0.05, 0.025)), Ground::default());
@@ -37,5 +40,27 @@ fn build(criterion: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, build);
+/// A table, and a table with the first area warp, which makes the plan; `area/10 cm` of the bench `warp` is a later one.
+fn build_for_area(criterion: &mut Criterion) {
+    let (camera, grid, ground) = (seed_camera(), seed_grid((0.1, 0.1)), Ground::default());
+    let data = textured(2048 * 1024 * 3);
+    let image = ImageView::new(&data, (2048, 1024), 3).expect("the image fits its size");
+    let mut out = vec![0; grid.rows() * grid.columns() * 3];
+    let options = WarpOptions { interpolation: Interpolation::Area, ..WarpOptions::default() };
+
+    let mut group = criterion.benchmark_group("lut, 10 cm");
+    group.throughput(Throughput::Elements((grid.rows() * grid.columns()) as u64));
+    group.bench_function("pinhole", |bencher| bencher.iter(|| Lut::new(&camera, &grid, &ground)));
+    group.bench_function("pinhole, first area warp of u8x3", |bencher| {
+        bencher.iter(|| {
+            let lut = Lut::new(&camera, &grid, &ground).expect("the seed job fits");
+            let mut out = ImageViewMut::new(&mut out, (grid.columns(), grid.rows()), 3).expect("the output fits");
+            lut.warp_into(&image, &mut out, &options).expect("the image fits the table");
+            lut
+        });
+    });
+    group.finish();
+}
+
+criterion_group!(benches, build, build_for_area);
 criterion_main!(benches);

@@ -26,6 +26,8 @@ JOBS = [
     "bilinear f32x3",
     "nearest u8x1",
     "nearest u8x3",
+    "area u8x3",
+    "area plan",  # and a warp of u8x1, without which there is no plan
     "table",
     "homography u8x3",
 ]
