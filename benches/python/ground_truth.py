@@ -150,12 +150,17 @@ class View:
 
     @cached_property
     def truth(self) -> np.ndarray:
-        """The road averaged over each cell."""
+        """The road averaged over each cell, by points of at most 1/4 of its finest pattern's period apart.
+
+        Of 8 x 8 points a cell, as the views are sampled that others are measured by, an error is the same in both: 20 cm
+        cells beside a fisheye, which are within 0.7 grey levels of the truth, seemed a quarter better than they are.
+        """
+        count = max(8, round(max(self.cell) / 0.00625))
         xy, total = self.grid.xy(), 0.0
-        for a in (np.arange(8) + 0.5) / 8 - 0.5:
-            for b in (np.arange(8) + 0.5) / 8 - 0.5:
+        for a in (np.arange(count) + 0.5) / count - 0.5:
+            for b in (np.arange(count) + 0.5) / count - 0.5:
                 total = total + self.trial.road(xy[..., 0] + a * self.cell[0], xy[..., 1] + b * self.cell[1])
-        return total / 64
+        return total / count**2
 
     def mean_of_blocks(self, fine: np.ndarray, count: int) -> np.ndarray:
         """Return the means of `count` x `count` blocks."""

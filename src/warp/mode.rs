@@ -116,8 +116,7 @@ impl<T: Sample + Ord> Job<'_, T> {
             table.row(row).for_each(|segment| self.nearest(segment, cells));
             for (cell, values) in cells.chunks_exact_mut(channels).enumerate() {
                 if near[1].is_valid(cell) {
-                    let [[x], [y]] = near[1].at(cell..cell + 1) else { continue };
-                    self.cell([*x, *y], sides.of(cell), values, &mut votes);
+                    self.cell(near[1].at(cell), sides.of(cell), values, &mut votes);
                 }
             }
             near.rotate_left(1);

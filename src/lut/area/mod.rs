@@ -1,15 +1,18 @@
-//! What `area` needs beyond the table: for cells that see more than a pixel, how large their footprint is and how it is
-//! averaged. Made from the table alone on first use, so every camera, map and homography is served alike.
+//! What `area` needs beyond the table: how cells that see more than a pixel are averaged. Made from the table alone on
+//! first use, so every camera, map and homography is served alike.
 //!
 //! A footprint is the parallelogram that a cell covers on the source, spanned by the central differences of the table's
 //! coordinates. It is averaged by a lattice of `n1 x n2` probes along its two sides, each a bilinear tap into the source
 //! or into a *level*: the source averaged over `2^kx x 2^ky` boxes that overlap by half. Which lattice and which
-//! level is its [`Shape`], chosen for eight cells at once; see docs/decisions/0013.
+//! level is its [`Shape`], chosen for a [`Block`] of cells at once; see docs/decisions/0013.
 
+pub(crate) mod block;
 mod build;
+mod fit;
 mod needs;
 mod reach;
 mod rows;
+mod samples;
 mod shape;
 mod stretch;
 
@@ -17,7 +20,10 @@ use std::fmt;
 use std::ops::Range;
 use std::sync::{Arc, Mutex, OnceLock};
 
+pub(crate) use block::Block;
+use block::{ROWS, Width};
 pub(crate) use build::check_sides;
+pub(crate) use reach::leaves;
 pub(crate) use rows::{Coordinates, Sides};
 pub(crate) use shape::Shape;
 
@@ -25,55 +31,121 @@ pub(crate) use shape::Shape;
 pub(crate) const Q: u32 = 10;
 
 /// The plan of an area warp.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(crate) struct Plan {
     /// The levels that shapes refer to, and which part of each is needed.
     pub(crate) levels: Vec<Level>,
-    /// What the rows of the table have, in bands of [`Plan::band_rows`].
-    pub(crate) bands: Vec<Band>,
-    pub(crate) band_rows: usize,
+    /// For each row of blocks where its runs and blocks end.
+    ends: Vec<RowEnd>,
+    runs: Vec<Run>,
+    blocks: Vec<Block>,
     /// Room for levels that a warp has given back.
     pub(crate) pool: Mutex<Vec<Vec<u64>>>,
 }
 
-/// Neighbouring cells of a row that are averaged alike.
+/// Where the runs and blocks of a row of blocks end, and the first of its blocks that is not bilinear.
+#[derive(Debug, Clone, Copy, Default)]
+struct RowEnd {
+    runs: u32,
+    blocks: u32,
+    first_block: u32,
+    width: Width,
+}
+
+/// Neighbouring blocks of one shape, whose sides are told in one unit.
+#[derive(Debug, Clone, Copy)]
+struct Run {
+    /// The first and how many; what lies between is not bilinear.
+    first: u32,
+    blocks: u32,
+    shape: Shape,
+    shift: u8,
+    /// Whether any of the blocks is.
+    clipped: bool,
+}
+
+impl Run {
+    fn of(index: usize, block: &Block) -> Self {
+        Self { first: index as u32, blocks: 1, shape: block.shape, shift: block.shift, clipped: block.clipped }
+    }
+
+    fn goes_on(&self, next: &Self) -> bool {
+        self.first + self.blocks == next.first && (self.shape, self.shift) == (next.shape, next.shift)
+    }
+
+    fn extend(&mut self, next: &Self) {
+        self.blocks += next.blocks;
+        self.clipped |= next.clipped;
+    }
+}
+
+/// Neighbouring cells of a row that are averaged by one call of a kernel.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Piece {
-    /// Column of the first.
-    pub(crate) first: u32,
-    pub(crate) cells: u32,
-    /// Index of the first one's footprint in the band.
-    pub(crate) start: u32,
+    /// Column of the first, and how many.
+    pub(crate) first: usize,
+    pub(crate) cells: usize,
     pub(crate) shape: Shape,
-    /// The footprints are these numbers shifted left by so many bits.
+    /// As [`Block::shift`].
     pub(crate) shift: u8,
     /// Whether probes may leave the image.
     pub(crate) clipped: bool,
 }
 
-/// The pieces of neighbouring rows, and the footprints of their cells.
-#[derive(Debug, Default)]
-pub(crate) struct Band {
-    /// Where the pieces of each row end.
-    pub(crate) ends: Vec<u32>,
-    pub(crate) pieces: Vec<Piece>,
-    pub(crate) cells: Cells,
+/// How the cells of a row are averaged that see more than a pixel.
+#[derive(Clone, Copy)]
+pub(crate) struct RowPlan<'a> {
+    runs: &'a [Run],
+    /// Blocks from the `first_block`-th on: those that runs are of, and what lies between.
+    blocks: &'a [Block],
+    first_block: usize,
+    pub(crate) width: Width,
+    /// Which row of its blocks it is.
+    pub(crate) row: usize,
 }
 
-/// Footprints, an array for each number, so that a loop over them becomes vectors.
-#[derive(Debug, Default)]
-pub(crate) struct Cells {
-    /// Centre, 1/1024 pixel.
-    pub(crate) x: Vec<i32>,
-    pub(crate) y: Vec<i32>,
-    /// The footprint's sides, along the row of the output and down its columns: (x, y) of each, 1/1024 pixel before the
-    /// piece's shift.
-    pub(crate) along: [Vec<i16>; 2],
-    pub(crate) down: [Vec<i16>; 2],
-}
+impl<'a> RowPlan<'a> {
+    /// The blocks that the cells of a piece are in, and the column of the first one's first cell.
+    pub(crate) fn blocks(&self, piece: &Piece) -> (&'a [Block], usize) {
+        let columns = self.width.columns();
+        let (first, end) = (piece.first / columns, (piece.first + piece.cells).div_ceil(columns));
+        (&self.blocks[first - self.first_block..end - self.first_block], first * columns)
+    }
 
-/// Behind the last footprint of a band there are so many of nothing: loops over footprints may run in whole vectors.
-pub(crate) const PADDING: usize = 16;
+    /// Appends the pieces of neighbouring valid cells, from left to right.
+    pub(crate) fn pieces(&self, cells: Range<usize>, pieces: &mut Vec<Piece>) {
+        let columns = self.width.columns();
+        let (first, end) = (cells.start / columns, cells.end.div_ceil(columns));
+        let is_before = |run: &Run| ((run.first + run.blocks) as usize) <= first;
+        let runs = &self.runs[self.runs.partition_point(is_before)..];
+        for run in runs.iter().take_while(|run| (run.first as usize) < end) {
+            let mut add = |blocks: Range<usize>, clipped: bool| {
+                let own = (blocks.start * columns).max(cells.start)..(blocks.end * columns).min(cells.end);
+                if own.start < own.end {
+                    let &Run { shape, shift, .. } = run;
+                    pieces.push(Piece { first: own.start, cells: own.len(), shape, shift, clipped });
+                }
+            };
+            let blocks = run.first as usize..(run.first + run.blocks) as usize;
+            if !run.clipped {
+                add(blocks, false);
+                continue;
+            }
+            let is_clipped = |block: usize| self.blocks[block - self.first_block].clipped;
+            let mut next = blocks.start;
+            while next < blocks.end {
+                let (first, clipped) = (next, is_clipped(next));
+                next = (first..blocks.end).find(|&block| is_clipped(block) != clipped).unwrap_or(blocks.end);
+                add(first..next, clipped);
+            }
+        }
+    }
+
+    /// Whether all of the row is bilinear.
+    pub(crate) fn is_bilinear(&self) -> bool {
+        self.runs.is_empty()
+    }
+}
 
 /// The source averaged over boxes of `2^kx` columns and `2^ky` rows: entry (column, row) is the box whose top-left pixel
 /// is at both shifted left by [`Level::log_step`]. Entries that no probe touches are never made.
@@ -102,24 +174,26 @@ impl Level {
 impl Plan {
     /// Bytes that it holds.
     pub(crate) fn nbytes(&self) -> usize {
-        let band = |band: &Band| {
-            let Cells { x, y, along, down } = &band.cells;
-            size_of_val(&*band.ends)
-                + size_of_val(&*band.pieces)
-                + [x, y].map(|column| size_of_val(&**column)).iter().sum::<usize>()
-                + along.iter().chain(down).map(|column| size_of_val(&**column)).sum::<usize>()
-        };
         let pooled = self.pool.try_lock().map_or(0, |pool| pool.iter().map(|room| 8 * room.capacity()).sum());
-        self.bands.iter().map(band).sum::<usize>()
+        size_of_val(&*self.ends)
+            + size_of_val(&*self.runs)
+            + size_of_val(&*self.blocks)
             + self.levels.iter().map(|level| size_of_val(&*level.columns)).sum::<usize>()
             + pooled
     }
 
-    /// The pieces of a row of the table, from left to right, and the footprints that they refer to.
-    pub(crate) fn row(&self, row: usize) -> (&[Piece], &Cells) {
-        let (band, row) = (&self.bands[row / self.band_rows], row % self.band_rows);
-        let begin = if row == 0 { 0 } else { band.ends[row - 1] };
-        (&band.pieces[begin as usize..band.ends[row] as usize], &band.cells)
+    /// How a row of the table is averaged.
+    pub(crate) fn row(&self, row: usize) -> RowPlan<'_> {
+        let (block_row, row) = (row / ROWS, row % ROWS);
+        let begin = if block_row == 0 { RowEnd::default() } else { self.ends[block_row - 1] };
+        let end = self.ends[block_row];
+        RowPlan {
+            runs: &self.runs[begin.runs as usize..end.runs as usize],
+            blocks: &self.blocks[begin.blocks as usize..end.blocks as usize],
+            first_block: end.first_block as usize,
+            width: end.width,
+            row,
+        }
     }
 }
 

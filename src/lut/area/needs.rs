@@ -8,6 +8,15 @@ use super::{Level, Shape};
 pub(super) struct Needs {
     /// (kx, ky), and for each row of the whole level the columns, an empty range where there are none.
     levels: Vec<(u8, u8, Vec<Range<u32>>)>,
+    /// What was added last: groups side by side mostly look at the same rows.
+    last: Option<Rectangle>,
+}
+
+/// Entries of the level of a shape.
+struct Rectangle {
+    shape: Shape,
+    columns: Range<u32>,
+    rows: Range<u32>,
 }
 
 impl Needs {
@@ -20,23 +29,35 @@ impl Needs {
         &mut self.levels[index].2
     }
 
-    /// Adds a rectangle of a level.
-    pub(super) fn add(&mut self, shape: Shape, (width, height): (u32, u32), columns: Range<u32>, rows: Range<u32>) {
+    /// Adds a rectangle of the level of a shape, of a source of this height.
+    pub(super) fn add(&mut self, shape: Shape, height: u32, [columns, rows]: [Range<u32>; 2]) {
+        if let Some(last) = &mut self.last
+            && (last.shape, &last.rows) == (shape, &rows)
+        {
+            last.columns = united(&last.columns, &columns);
+            return;
+        }
+        self.flush(height);
+        self.last = Some(Rectangle { shape, columns, rows });
+    }
+
+    /// Takes the last rectangle in; before it, what was added is not complete.
+    pub(super) fn flush(&mut self, height: u32) {
+        let Some(Rectangle { shape, columns, rows }) = self.last.take() else { return };
         if shape.halvings() == 0 {
             return; // the source itself
         }
-        let end = columns.end.min(Level::boxes(width, shape.kx.into()));
-        let whole = Level::boxes(height, shape.ky.into());
-        let level = self.level(shape.kx, shape.ky, whole as usize);
-        for row in &mut level[rows.start as usize..rows.end.min(whole) as usize] {
-            *row = row.start.min(columns.start)..row.end.max(end);
+        let level = self.level(shape.kx, shape.ky, Level::boxes(height, shape.ky.into()) as usize);
+        for row in &mut level[rows.start as usize..rows.end as usize] {
+            *row = united(row, &columns);
         }
     }
 
+    /// Adds those of another, both flushed.
     pub(super) fn merge(&mut self, other: Self) {
         for (kx, ky, rows) in other.levels {
             for (own, row) in self.level(kx, ky, rows.len()).iter_mut().zip(rows) {
-                *own = own.start.min(row.start)..own.end.max(row.end);
+                *own = united(own, &row);
             }
         }
     }
@@ -53,4 +74,8 @@ impl Needs {
         };
         self.levels.into_iter().map(level).collect()
     }
+}
+
+fn united(one: &Range<u32>, other: &Range<u32>) -> Range<u32> {
+    one.start.min(other.start)..one.end.max(other.end)
 }

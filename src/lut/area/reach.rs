@@ -1,18 +1,77 @@
-//! How far the probes of footprints reach, and which leave the level that they look at.
+//! How far the probes of blocks reach, and which may leave the level that they look at.
 
 use std::ops::Range;
 
-use super::{Cells, Level, Q, Shape};
+use super::block::{Block, LANES, ROWS, Width, lanes};
+use super::rows::OUTSIDE;
+use super::{Level, Q, Shape};
 use crate::cpu::Isa;
 use crate::lut::kernels::for_each_isa;
 
-/// The entries that probes touch are told for so many neighbouring footprints at once.
-const BLOCK: usize = 16;
+/// Columns and rows of the coordinates of a row of blocks, and of the rows before and after it; entry i + 1 of a row is of
+/// cell i.
+type Axes<'a> = [[&'a [i32]; 2]; ROWS + 2];
 
-/// What all footprints of a run have in common.
+/// The entries of their levels that the probes of the blocks of a row touch, from left to right and from top to bottom,
+/// 1/1024 entry, not yet kept inside the level. Nothing is told of blocks that are bilinear.
+pub(super) struct Reaches {
+    x: [Vec<Quarters>; 2],
+    y: [Vec<Quarters>; 2],
+}
+
+/// The least or greatest number of each quarter of a block's columns. Down to one, the compiler would take the lanes of
+/// its vectors one by one.
+type Quarters = [i32; 4];
+
+impl Reaches {
+    /// Of rows of so many blocks.
+    pub(super) fn new(blocks: usize) -> Self {
+        let none = || [vec![Quarters::default(); blocks], vec![Quarters::default(); blocks]];
+        Self { x: none(), y: none() }
+    }
+
+    /// Works them out for neighbouring blocks, the first of which is the `first`-th of its row, on a source of this size,
+    /// whose probes are so far from the middles of footprints; tells blocks whether their probes may leave the level.
+    pub(super) fn read(
+        &mut self,
+        isa: Isa,
+        source: (u32, u32),
+        width: Width,
+        first: usize,
+        (blocks, fars): (&mut [Block], &[[i32; 2]]),
+        axes: Axes<'_>,
+    ) {
+        let into = [&mut self.x, &mut self.y].map(|axis| axis.each_mut().map(|bound| &mut bound[..]));
+        reach_of_blocks(isa, source, (width, first), (blocks, fars), axes, into);
+        for (index, block) in (first..).zip(blocks).filter(|(_, block)| !block.is_bilinear()) {
+            let lattice = Lattice::new(block.shape, source);
+            let [x, y] = self.bounds(index);
+            block.clipped = x.0 < 0 || y.0 < 0 || x.1 >= lattice.last[0] || y.1 >= lattice.last[1];
+        }
+    }
+
+    fn bounds(&self, block: usize) -> [(i32, i32); 2] {
+        [&self.x, &self.y].map(|[low, high]| {
+            let (low, high) = (low[block].into_iter().min(), high[block].into_iter().max());
+            (low.unwrap_or(0), high.unwrap_or(0))
+        })
+    }
+
+    /// Columns and rows that a block touches in the level of `shape`, those left out that a source of this size does not
+    /// have.
+    pub(super) fn entries(&self, block: usize, shape: Shape, source: (u32, u32)) -> [Range<u32>; 2] {
+        let Lattice { last, .. } = Lattice::new(shape, source);
+        let [x, y] = self.bounds(block);
+        [(x, last[0]), (y, last[1])].map(|((low, high), last)| {
+            let entry = |at: i32| (at.clamp(0, last) >> Q) as u32;
+            entry(low)..(entry(high) + 2).min(entry(last) + 1)
+        })
+    }
+}
+
+/// What all footprints of a shape have in common.
 #[derive(Clone, Copy)]
-pub(super) struct Lattice {
-    pub(super) shift: u8,
+struct Lattice {
     /// How far the outermost probe is along each side, in 1/16384 of it.
     outermost: [i32; 2],
     /// The box's top-left pixel from its middle, in 1/1024 pixel.
@@ -24,10 +83,10 @@ pub(super) struct Lattice {
 }
 
 impl Lattice {
-    pub(super) fn new(shape: Shape, shift: u8, (width, height): (u32, u32)) -> Self {
+    #[inline(always)]
+    fn new(shape: Shape, (width, height): (u32, u32)) -> Self {
         let (box_width, box_height) = shape.box_size();
         Self {
-            shift,
             outermost: [shape.along, shape.down]
                 .map(|count| Shape::offsets(count).last().map_or(0, |&last| last.into())),
             corner: [box_width, box_height].map(|size| (size as i32 - 1) << (Q - 1)),
@@ -36,114 +95,127 @@ impl Lattice {
             steps: [shape.kx, shape.ky].map(|k| Level::log_step(k.into())),
         }
     }
-}
 
-/// Which entries the probes of a run of footprints touch.
-pub(super) struct Reach {
-    /// For each block of footprints: left, right, top and bottom, 1/1024 entry, not yet kept inside the level.
-    blocks: Vec<[i32; 4]>,
-    clipped: Vec<u8>,
-    last: [i32; 2],
-}
-
-impl Reach {
-    pub(super) fn new(columns: usize) -> Self {
-        Self { blocks: vec![[0; 4]; columns.div_ceil(BLOCK)], clipped: vec![0; columns], last: [0; 2] }
-    }
-
-    /// By how many bits the sides of footprints must be shifted to fit 16.
-    pub(super) fn shift(isa: Isa, sides: [&[i32]; 4]) -> u8 {
-        let bits = sides.into_iter().fold(0, |bits, side| bits | any_bits(isa, side));
-        (17 - bits.leading_zeros().min(17)).min(14) as u8
-    }
-
-    /// Reads the footprints `range` of a band, and tells whether a probe leaves the level.
-    pub(super) fn read(&mut self, isa: Isa, lattice: &Lattice, cells: &Cells, range: Range<usize>) -> bool {
-        let count = range.len();
-        self.last = lattice.last;
-        let sides = [&cells.along[0], &cells.along[1], &cells.down[0], &cells.down[1]].map(|side| &side[range.clone()]);
-        let centre = [&cells.x[range.clone()], &cells.y[range]];
-        let blocks = &mut self.blocks[..count.div_ceil(BLOCK)];
-        bounds_of_blocks(isa, lattice, centre, sides, blocks, &mut self.clipped[..count]);
-        let [last_x, last_y] = lattice.last;
-        blocks.iter().any(|&[left, right, top, bottom]| left < 0 || top < 0 || right >= last_x || bottom >= last_y)
-    }
-
-    /// For each footprint of those that were read, 1 if a probe leaves the level.
-    pub(super) fn clipped(&self) -> &[u8] {
-        &self.clipped
-    }
-
-    /// Tells the entries that the first `count` footprints touch, block by block: columns and rows.
-    pub(super) fn blocks(&self, count: usize, mut tell: impl FnMut(Range<u32>, Range<u32>)) {
-        for &[left, right, top, bottom] in &self.blocks[..count.div_ceil(BLOCK)] {
-            let entries = |low: i32, high: i32, last: i32| {
-                (low.clamp(0, last) >> Q) as u32..(high.clamp(0, last) >> Q) as u32 + 2
-            };
-            tell(entries(left, right, self.last[0]), entries(top, bottom, self.last[1]));
-        }
+    /// How far from its middle the probes of a footprint are at most along an axis, in 1/1024 pixel.
+    #[inline(always)]
+    fn far_of(&self, along: i16, down: i16, shift: u8) -> i32 {
+        let sum = i32::from(along).abs() * self.outermost[0] + i32::from(down).abs() * self.outermost[1];
+        (sum >> (14 - u32::from(shift))) + 1
     }
 }
 
-fn bounds_of_blocks(
+fn reach_of_blocks(
     isa: Isa,
-    lattice: &Lattice,
-    centre: [&[i32]; 2],
-    sides: [&[i16]; 4],
-    blocks: &mut [[i32; 4]],
-    clipped: &mut [u8],
+    source: (u32, u32),
+    (width, first): (Width, usize),
+    (blocks, fars): (&[Block], &[[i32; 2]]),
+    axes: Axes<'_>,
+    into: [[&mut [Quarters]; 2]; 2],
 ) {
     #[inline(always)]
-    fn body(lattice: &Lattice, centre: [&[i32]; 2], sides: [&[i16]; 4], blocks: &mut [[i32; 4]], clipped: &mut [u8]) {
-        let Lattice { shift, outermost: [along, down], corner, last, steps } = *lattice;
-        let cells = clipped.len();
-        let ([x, y], [ax, ay, bx, by]) = (centre.map(|axis| &axis[..cells]), sides.map(|side| &side[..cells]));
-        for (index, block) in blocks.iter_mut().enumerate() {
-            let [mut left, mut right, mut top, mut bottom] = [i32::MAX, i32::MIN, i32::MAX, i32::MIN];
-            for i in index * BLOCK..(index * BLOCK + BLOCK).min(cells) {
-                let far = |a: i16, b: i16| {
-                    ((i32::from(a).abs() * along + i32::from(b).abs() * down) >> (14 - u32::from(shift))) + 1
-                };
-                let (middle_x, far_x) = (x[i] - corner[0], far(ax[i], bx[i]));
-                let (middle_y, far_y) = (y[i] - corner[1], far(ay[i], by[i]));
-                let (low_x, high_x) = ((middle_x - far_x) >> steps[0], (middle_x + far_x) >> steps[0]);
-                let (low_y, high_y) = ((middle_y - far_y) >> steps[1], (middle_y + far_y) >> steps[1]);
-                clipped[i] = u8::from((low_x < 0) | (low_y < 0) | (high_x >= last[0]) | (high_y >= last[1]));
-                (left, right) = (left.min(low_x), right.max(high_x));
-                (top, bottom) = (top.min(low_y), bottom.max(high_y));
+    fn body(
+        source: (u32, u32),
+        width: Width,
+        first: usize,
+        blocks: &[Block],
+        fars: &[[i32; 2]],
+        axes: Axes<'_>,
+        into: [[&mut [Quarters]; 2]; 2],
+    ) {
+        let [[left, right], [top, bottom]] = into;
+        for (index, (block, &far)) in (first..).zip(blocks.iter().zip(fars)) {
+            if block.is_bilinear() {
+                continue;
             }
-            *block = [left, right, top, bottom];
+            let lattice = Lattice::new(block.shape, source);
+            let at = 1 + index * width.columns();
+            // of narrow blocks the next ones' columns too: a little more than they reach
+            (left[index], right[index]) = of_axis(&lattice, block, far, 0, axes, at);
+            (top[index], bottom[index]) = of_axis(&lattice, block, far, 1, axes, at);
         }
     }
+    #[inline(always)]
+    fn of_axis(
+        lattice: &Lattice,
+        block: &Block,
+        far: [i32; 2],
+        axis: usize,
+        axes: Axes<'_>,
+        at: usize,
+    ) -> (Quarters, Quarters) {
+        let [lowest, highest] = bounds_of_rows(axes, axis, at);
+        let (low, high) = (of_quarters(&lowest, smaller), of_quarters(&highest, larger));
+        let middle = i32::from(block.offset[axis]) - lattice.corner[axis];
+        let (low_way, high_way, step) = (middle - far[axis], middle + far[axis], lattice.steps[axis]);
+        (lanes(|i| (low[i] + low_way) >> step), lanes(|i| (high[i] + high_way) >> step))
+    }
     for_each_isa!(isa, (body, body, body)(
-        lattice: &Lattice, centre: [&[i32]; 2], sides: [&[i16]; 4], blocks: &mut [[i32; 4]], clipped: &mut [u8]
+        source: (u32, u32),
+        width: Width,
+        first: usize,
+        blocks: &[Block],
+        fars: &[[i32; 2]],
+        axes: Axes<'_>,
+        into: [[&mut [Quarters]; 2]; 2],
     ));
 }
 
-/// Shifts the sides of footprints so that they fit 16 bits; those that do not are as large as they can be.
-pub(super) fn narrow(isa: Isa, sides: &[i32], shift: u8, narrow: &mut [i16]) {
-    #[inline(always)]
-    fn body(sides: &[i32], shift: u8, narrow: &mut [i16]) {
-        let sides = &sides[..narrow.len()];
-        for i in 0..narrow.len() {
-            narrow[i] = (sides[i] >> shift).clamp(-0x7fff, 0x7fff) as i16;
-        }
+/// The least and the greatest coordinate of each column of a block, whose first row's entries begin at `at`. Of a column
+/// without an image they are far beyond those of any other.
+#[inline(always)]
+fn bounds_of_rows(axes: Axes<'_>, axis: usize, at: usize) -> [[i32; LANES]; 2] {
+    const FAR: i32 = 1 << 30;
+    let (mut least, mut greatest) = ([FAR; LANES], [-FAR; LANES]);
+    for row in &axes[1..=ROWS] {
+        let row: &[i32; LANES] = row[axis][at..].first_chunk().expect("rows go on to the end of a block");
+        least = lanes(|i| smaller(least[i], if row[i] == OUTSIDE { FAR } else { row[i] }));
+        greatest = lanes(|i| larger(greatest[i], if row[i] == OUTSIDE { -FAR } else { row[i] }));
     }
-    for_each_isa!(isa, (body, body, body)(sides: &[i32], shift: u8, narrow: &mut [i16]));
+    [least, greatest]
 }
 
-/// The bits that any of these has, signs aside.
-fn any_bits(isa: Isa, numbers: &[i32]) -> u32 {
+/// Tells for each of neighbouring footprints of a shape, whose sides are shifted by so much, 1 if a probe leaves the level
+/// of a source of this size.
+pub(crate) fn leaves(
+    isa: Isa,
+    (shape, shift): (Shape, u8),
+    source: (u32, u32),
+    centre: [&[i32]; 2],
+    sides: [&[i16]; 4],
+    leaves: &mut [u8],
+) {
     #[inline(always)]
-    fn body(numbers: &[i32], bits: &mut u32) {
-        let mut all = 0;
-        for &number in numbers {
-            all |= number.unsigned_abs();
+    fn body(lattice: Lattice, shift: u8, centre: [&[i32]; 2], sides: [&[i16]; 4], leaves: &mut [u8]) {
+        let cells = leaves.len();
+        leaves.fill(0);
+        for axis in 0..2 {
+            let (centre, along, down) = (&centre[axis][..cells], &sides[axis][..cells], &sides[2 + axis][..cells]);
+            let Lattice { corner, last, steps, .. } = lattice;
+            for i in 0..cells {
+                let far = lattice.far_of(along[i], down[i], shift);
+                let middle = centre[i].wrapping_sub(corner[axis]);
+                let (low, high) = (middle.wrapping_sub(far) >> steps[axis], middle.wrapping_add(far) >> steps[axis]);
+                leaves[i] |= u8::from((low < 0) | (high >= last[axis]));
+            }
         }
-        *bits = all;
     }
-    let mut bits = 0;
-    let into = &mut bits;
-    for_each_isa!(isa, (body, body, body)(numbers: &[i32], into: &mut u32));
-    bits
+    let lattice = Lattice::new(shape, source);
+    for_each_isa!(isa, (body, body, body)(
+        lattice: Lattice, shift: u8, centre: [&[i32]; 2], sides: [&[i16]; 4], leaves: &mut [u8]
+    ));
+}
+
+#[inline(always)]
+fn of_quarters(numbers: &[i32; LANES], of_two: impl Fn(i32, i32) -> i32) -> Quarters {
+    lanes(|i| of_two(of_two(numbers[i], numbers[i + 4]), of_two(numbers[i + 8], numbers[i + 12])))
+}
+
+#[inline(always)]
+fn smaller(a: i32, b: i32) -> i32 {
+    if a < b { a } else { b }
+}
+
+#[inline(always)]
+fn larger(a: i32, b: i32) -> i32 {
+    if a > b { a } else { b }
 }

@@ -1,31 +1,35 @@
 //! The table's coordinates, row by row, and how they grow from cell to cell.
 
-use std::ops::Range;
-
 use super::Q;
+use super::block::LANES;
 use crate::cpu::Isa;
 use crate::lut::kernels::for_each_isa;
 use crate::lut::table::{RunKind, Table, Tap, unframed};
 
 /// The coordinate of a cell without an image.
-const OUTSIDE: i32 = i32::MIN;
+pub(super) const OUTSIDE: i32 = i32::MIN;
 
 /// The coordinates of a row in 1/1024 pixel, [`OUTSIDE`] where there is none.
 #[derive(Debug, Clone)]
 pub(crate) struct Coordinates {
-    /// Entry i + 1 is of cell i; before the first and behind the last cell there is nothing.
+    /// Entry i + 1 is of cell i; before the first and behind the last cell there is nothing, and so
+    /// many entries more that vectors of cells may begin at any cell.
     xs: Vec<i32>,
     ys: Vec<i32>,
-    /// 1 for cells of the mask; those of the halo have coordinates too.
+    /// 1 for cells of the mask; those of the halo have coordinates too. It goes on as the others do.
     valid: Vec<u8>,
 }
 
 impl Coordinates {
+    /// Those of a row of a table without an image.
+    pub(crate) fn none(table: &Table) -> Self {
+        let whole = table.columns().next_multiple_of(LANES) + LANES;
+        Self { xs: vec![OUTSIDE; whole + 2], ys: vec![OUTSIDE; whole + 2], valid: vec![0; whole] }
+    }
+
     /// The rows before, at and after `row`, of which the last is still to be read.
     pub(crate) fn three(isa: Isa, table: &Table, row: usize) -> [Self; 3] {
-        let columns = table.columns();
-        let none = || Self { xs: vec![OUTSIDE; columns + 2], ys: vec![OUTSIDE; columns + 2], valid: vec![0; columns] };
-        let mut near = [(), (), ()].map(|()| none());
+        let mut near = [(), (), ()].map(|()| Self::none(table));
         near[0].read(isa, table, row.checked_sub(1));
         near[1].read(isa, table, Some(row));
         near
@@ -41,9 +45,14 @@ impl Coordinates {
         &self.valid
     }
 
-    /// Where neighbouring cells sample: columns and rows, 1/1024 pixel.
-    pub(crate) fn at(&self, cells: Range<usize>) -> [&[i32]; 2] {
-        [&self.xs, &self.ys].map(|axis| &axis[1 + cells.start..1 + cells.end])
+    /// Where a cell samples: column and row, 1/1024 pixel.
+    pub(crate) fn at(&self, cell: usize) -> [i32; 2] {
+        [self.xs[1 + cell], self.ys[1 + cell]]
+    }
+
+    /// Columns and rows of the cells, 1/1024 pixel: entry i + 1 is of cell i.
+    pub(crate) fn axes(&self) -> [&[i32]; 2] {
+        [&self.xs, &self.ys]
     }
 
     /// Reads row `row` of a table; all outside where there is no such row.
@@ -109,42 +118,6 @@ impl Sides {
     pub(crate) fn of(&self, cell: usize) -> [i32; 4] {
         [0, 1, 2, 3].map(|side| self.0[side][cell])
     }
-
-    /// Those of neighbouring cells, to be changed.
-    pub(super) fn cells_mut(&mut self, cells: Range<usize>) -> [&mut [i32]; 4] {
-        self.0.each_mut().map(|side| &mut side[cells.clone()])
-    }
-
-    /// Those of neighbouring cells.
-    pub(crate) fn cells(&self, cells: Range<usize>) -> [&[i32]; 4] {
-        [0, 1, 2, 3].map(|side| &self.0[side][cells.clone()])
-    }
-}
-
-/// The middles of the footprints of neighbouring cells of the middle one of three rows, columns and rows in 1/1024 pixel:
-/// where footprints are bent they are not where the cell samples, but by 1/24 of the second differences beside it.
-pub(super) fn centroids(isa: Isa, [above, here, below]: &[Coordinates; 3], cells: Range<usize>, into: [&mut [i32]; 2]) {
-    #[inline(always)]
-    fn body(near: [&[i32]; 5], into: &mut [i32]) {
-        let count = into.len();
-        let [before, here, after, above, below] = near.map(|axis| &axis[..count]);
-        let bent = |before: i32, here: i32, after: i32| {
-            let (has_before, has_after) = (before != OUTSIDE, after != OUTSIDE);
-            let bent = after.wrapping_sub(here).wrapping_sub(here.wrapping_sub(before));
-            if has_before & has_after { bent / 24 } else { 0 }
-        };
-        for i in 0..count {
-            let (across, down) = (bent(before[i], here[i], after[i]), bent(above[i], here[i], below[i]));
-            into[i] = here[i].wrapping_add(across + down);
-        }
-    }
-    let (before, own, after) = (cells.clone(), cells.start + 1..cells.end + 1, cells.start + 2..cells.end + 2);
-    let axes = [[&above.xs, &here.xs, &below.xs], [&above.ys, &here.ys, &below.ys]];
-    for ([above, here, below], into) in axes.into_iter().zip(into) {
-        let near =
-            [&here[before.clone()], &here[own.clone()], &here[after.clone()], &above[own.clone()], &below[own.clone()]];
-        for_each_isa!(isa, (body, body, body)(near: [&[i32]; 5], into: &mut [i32]));
-    }
 }
 
 /// A whole pixel and a Q15 fraction.
@@ -180,12 +153,18 @@ fn slopes(isa: Isa, before: &[i32], here: &[i32], after: &[i32], slopes: &mut [i
         let cells = slopes.len();
         let (before, here, after) = (&before[..cells], &here[..cells], &after[..cells]);
         for i in 0..cells {
-            let (has_before, has_after) = (before[i] != OUTSIDE, after[i] != OUTSIDE);
-            let from = if has_before { before[i] } else { here[i] };
-            let to = if has_after { after[i] } else { here[i] };
-            let way = to.wrapping_sub(from);
-            slopes[i] = if has_before & has_after { way >> 1 } else { way };
+            slopes[i] = slope(before[i], here[i], after[i]);
         }
     }
     for_each_isa!(isa, (body, body, body)(before: &[i32], here: &[i32], after: &[i32], slopes: &mut [i32]));
+}
+
+/// How a coordinate grows from cell to cell, by those before and after, or by one of them where there is no other.
+#[inline(always)]
+pub(super) fn slope(before: i32, here: i32, after: i32) -> i32 {
+    let (has_before, has_after) = (before != OUTSIDE, after != OUTSIDE);
+    let from = if has_before { before } else { here };
+    let to = if has_after { after } else { here };
+    let way = to.wrapping_sub(from);
+    if has_before & has_after { way >> 1 } else { way }
 }

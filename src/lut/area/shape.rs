@@ -1,7 +1,5 @@
 //! How a footprint is averaged: which lattice of probes, over which boxes.
 
-use super::Q;
-use super::stretch::{BATCH, Stretch};
 use crate::cpu::Isa;
 use crate::lut::kernels::for_each_isa;
 
@@ -25,32 +23,10 @@ impl Shape {
     /// Plain bilinear: the footprint is no larger than a pixel.
     pub(crate) const BILINEAR: Self = Self { kx: 0, ky: 0, along: 1, down: 1 };
 
-    /// The shapes for typical footprints of a source of this size: `sides` tells (x, y) of the side along the output's row
-    /// and of the one down its columns, in 1/1024 pixel, of the i-th; `None` is [`Shape::BILINEAR`]. And how lattices of these shapes are drawn in.
-    pub(super) fn choose_all(
-        isa: Isa,
-        (width, height): (u32, u32),
-        shapes: &mut [Self],
-        stretches: &mut [Stretch],
-        sides: impl Fn(usize) -> Option<[i32; 4]>,
-    ) {
-        let largest = [width, height].map(|size| if size < 4 { 0 } else { ((size - 1).ilog2() - 1).min(MAX_LOG) });
-        for (batch, (shapes, stretches)) in shapes.chunks_mut(BATCH).zip(stretches.chunks_mut(BATCH)).enumerate() {
-            let mut footprints = [[0.0; BATCH]; 4];
-            for (index, _) in shapes.iter().enumerate() {
-                for (column, side) in footprints.iter_mut().zip(sides(batch * BATCH + index).unwrap_or_default()) {
-                    column[index] = side as f32 * (1.0 / (1 << Q) as f32);
-                }
-            }
-            let mut packed = [0; BATCH];
-            choose(isa, largest, &footprints, &mut packed);
-            for (shape, packed) in shapes.iter_mut().zip(packed) {
-                let [kx, ky, along, down] = u32::to_le_bytes(packed);
-                *shape = Self { kx, ky, along, down };
-            }
-            let found = Stretch::of_batch(isa, &footprints, &packed);
-            stretches.copy_from_slice(&found[..stretches.len()]);
-        }
+    /// One of those that [`choose`] has chosen.
+    pub(super) fn unpacked(packed: u32) -> Self {
+        let [kx, ky, along, down] = packed.to_le_bytes();
+        Self { kx, ky, along, down }
     }
 
     /// The offsets of `count` probes along a side of length 1, in 1/16384.
@@ -89,6 +65,11 @@ impl Shape {
     }
 }
 
+/// The largest level that a source of this size has in each direction.
+pub(super) fn largest_logs((width, height): (u32, u32)) -> [u32; 2] {
+    [width, height].map(|size| if size < 4 { 0 } else { ((size - 1).ilog2() - 1).min(MAX_LOG) })
+}
+
 /// The shapes of footprints with sides (x, y) along and (x, y) down, in pixels, as bytes; levels above `largest` do not
 /// fit the source.
 ///
@@ -97,7 +78,7 @@ impl Shape {
 /// the sides are divided into boxes. Large footprints get more boxes to a chord, by the root of its length: there the
 /// result is so good that the corners of boxes show. They show most where the footprint lies across the pixels, and where
 /// it is a rectangle along them there are none.
-fn choose<const N: usize>(isa: Isa, largest: [u32; 2], sides: &[[f32; N]; 4], shapes: &mut [u32; N]) {
+pub(super) fn choose<const N: usize>(isa: Isa, largest: [u32; 2], sides: &[[f32; N]; 4], shapes: &mut [u32; N]) {
     let (sides, shapes) = (sides.each_ref().map(|side| &side[..]), &mut shapes[..]);
     for_each_isa!(isa, (body, body, body)(largest: [u32; 2], sides: [&[f32]; 4], shapes: &mut [u32]));
 }
@@ -114,7 +95,7 @@ fn body(largest: [u32; 2], sides: [&[f32]; 4], shapes: &mut [u32]) {
     const MORE: f32 = 4.8;
     /// Where the road is seen from so far above that footprints are no longer slivers, all cells near the camera are as
     /// good as the source allows, and lattices and boxes show: they are finer by this there, see [`steepness`].
-    const STEEP: f32 = 3.0;
+    const STEEP: f32 = 8.0;
     /// Of a step between two sizes of boxes, how much is rounded up: 2^0.4.
     const UP: f32 = 1.32;
     /// The same where the lattice is known: 2^0.32.
@@ -154,7 +135,7 @@ fn body(largest: [u32; 2], sides: [&[f32]; 4], shapes: &mut [u32]) {
 /// A square cell that is seen at an angle e to the road has `2 area / squares` of `2 sin(e) / (1 + sin(e)^2)`: this is from
 /// 13 to 19 degrees. The cells of a camera that looks ahead over the hood are all below.
 #[inline(always)]
-pub(super) fn steepness(area: f32, squares: f32) -> f32 {
+fn steepness(area: f32, squares: f32) -> f32 {
     /// Smaller footprints, in pixels, are as good as their few pixels.
     const SMALL: f32 = 16.0;
     let round = 2.0 * area / larger(squares, 0.01);

@@ -1,51 +1,25 @@
 //! Lattices drawn in, so that boxes do not blur over the edge of the footprint.
 
-use super::shape::{larger, power, smaller, steepness};
+use super::samples::BATCH;
+use super::shape::{larger, power, smaller};
 use crate::cpu::Isa;
 use crate::lut::kernels::for_each_isa;
 
-/// So many footprints at once, for vectors.
-pub(super) const BATCH: usize = 16;
-
-/// What a group's footprints are multiplied with: (x, y) becomes `(xx x, yx x + yy y)`.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Stretch {
-    xx: f32,
-    yx: f32,
-    yy: f32,
-    /// Whether the road is seen so steeply that it matters how the footprint is bent.
-    pub(super) steep: bool,
+/// What footprints are multiplied with: (x, y) becomes `(xx x, yx x + yy y)`.
+pub(super) struct Stretches {
+    pub(super) xx: [f32; BATCH],
+    pub(super) yx: [f32; BATCH],
+    pub(super) yy: [f32; BATCH],
 }
 
-impl Stretch {
-    pub(super) const NONE: Self = Self { xx: 1.0, yx: 0.0, yy: 1.0, steep: false };
-
+impl Stretches {
     /// Those of footprints of sides (x, y) along and (x, y) down, in pixels, and of these shapes.
-    pub(super) fn of_batch(isa: Isa, sides: &[[f32; BATCH]; 4], shapes: &[u32; BATCH]) -> [Self; BATCH] {
-        let mut columns = [[0.0; BATCH]; 4];
-        let [xx, yx, yy, steep] = &mut columns;
-        let (sides, shapes, into) = (sides.each_ref().map(|side| &side[..]), &shapes[..], [&mut xx[..], yx, yy, steep]);
-        for_each_isa!(isa, (find, find, find)(sides: [&[f32]; 4], shapes: &[u32], into: [&mut [f32]; 4]));
-        std::array::from_fn(|i| {
-            let [xx, yx, yy, steep] = columns.map(|column| column[i]);
-            Self { xx, yx, yy, steep: steep > 0.0 }
-        })
-    }
-
-    /// Multiplies footprints of neighbouring cells: (x, y) along and (x, y) down.
-    pub(super) fn apply(self, isa: Isa, [ax, ay, bx, by]: [&mut [i32]; 4]) {
-        #[inline(always)]
-        fn body(stretch: Stretch, x: &mut [i32], y: &mut [i32]) {
-            for (x, y) in x.iter_mut().zip(y) {
-                let (from_x, from_y) = (*x as f32, *y as f32);
-                *x = (from_x * stretch.xx) as i32;
-                *y = (from_x * stretch.yx + from_y * stretch.yy) as i32;
-            }
-        }
-        for (x, y) in [(ax, ay), (bx, by)] {
-            let stretch = self;
-            for_each_isa!(isa, (body, body, body)(stretch: Stretch, x: &mut [i32], y: &mut [i32]));
-        }
+    pub(super) fn new(isa: Isa, sides: &[[f32; BATCH]; 4], shapes: &[u32; BATCH]) -> Self {
+        let mut into = Self { xx: [1.0; BATCH], yx: [0.0; BATCH], yy: [1.0; BATCH] };
+        let (sides, shapes) = (sides.each_ref().map(|side| &side[..]), &shapes[..]);
+        let columns = [&mut into.xx[..], &mut into.yx, &mut into.yy];
+        for_each_isa!(isa, (find, find, find)(sides: [&[f32]; 4], shapes: &[u32], columns: [&mut [f32]; 3]));
+        into
     }
 }
 
@@ -53,7 +27,7 @@ impl Stretch {
 /// covariance of the whole are those of the footprint: a triangular matrix takes the lattice's root to that of what boxes
 /// leave. A lattice of one row has no such root and is scaled along itself.
 #[inline(always)]
-fn find(sides: [&[f32]; 4], shapes: &[u32], into: [&mut [f32]; 4]) {
+fn find(sides: [&[f32]; 4], shapes: &[u32], into: [&mut [f32]; 3]) {
     /// How much of the bilinear tap between boxes counts as width. All of it would be right for coarse patterns and too
     /// sharp a cut for those of a few pixels: near cells of 20 cm lose 0.3 dB, turned ones 0.25 dB.
     const TAP: f32 = 0.7;
@@ -61,7 +35,7 @@ fn find(sides: [&[f32]; 4], shapes: &[u32], into: [&mut [f32]; 4]) {
     const LIMITS: (f32, f32) = (0.5, 1.1);
     let count = shapes.len();
     let [ax, ay, bx, by] = sides.map(|side| &side[..count]);
-    let [xx, yx, yy, steep] = into.map(|column| &mut column[..count]);
+    let [xx, yx, yy] = into.map(|column| &mut column[..count]);
     for i in 0..count {
         let ([ax, ay, bx, by], [kx, ky, along, down]) = ([ax[i], ay[i], bx[i], by[i]], u32::to_le_bytes(shapes[i]));
         // everything is 12 times the variance, in which the square of a side is 1 of a uniform footprint
@@ -88,6 +62,5 @@ fn find(sides: [&[f32]; 4], shapes: &[u32], into: [&mut [f32]; 4]) {
         xx[i] = if is_row { row } else { scale_x };
         yx[i] = if is_row { 0.0 } else { shear };
         yy[i] = if is_row { row } else { scale_y };
-        steep[i] = steepness((ax * by - ay * bx).abs(), ax * ax + ay * ay + bx * bx + by * by);
     }
 }

@@ -6,10 +6,12 @@
 //! bit.
 
 mod average;
+mod footprints;
 mod levels;
 mod pairs;
 mod probes;
 
+use std::ops::Range;
 use std::slice;
 
 pub(crate) use average::Average;
@@ -20,9 +22,11 @@ use crate::cpu::Isa;
 use crate::error::Result;
 use crate::image::{ImageView, ImageViewMut, RowsMut};
 use crate::lut::Lut;
-use crate::lut::area::{Cells, PADDING, Piece, Plan, Shape};
+use crate::lut::area::block::LANES;
+use crate::lut::area::{Piece, Plan, RowPlan, Shape, leaves};
 use crate::lut::table::{RunKind, Segment, Tap};
 use crate::parallel;
+use footprints::Footprints;
 use levels::{Levels, Room};
 use probes::{Lattice, is_lean};
 
@@ -31,7 +35,7 @@ use probes::{Lattice, is_lean};
 const BATCH: usize = 64;
 
 /// Room for a batch, rounded up to whole vectors.
-const ROOM: usize = BATCH + PADDING;
+const ROOM: usize = BATCH + LANES;
 
 /// Warps images that fit the table, the options and the outputs.
 pub(super) fn warp<T: Bilinear>(
@@ -96,15 +100,27 @@ impl<T: Bilinear> Job<'_, T> {
             probe: vec![T::default(); ROOM * channels],
             sums: vec![T::Sum::default(); ROOM * channels],
         };
+        let (mut footprints, mut pieces) = (Footprints::new(self.isa, self.lut.table()), Vec::new());
         for (row, cells) in (first..).zip(rows) {
-            let (mut pieces, footprints) = self.plan.row(row);
-            for segment in self.lut.table().row(row) {
-                pieces = self.segment(segment, pieces, cells);
+            let plan = self.plan.row(row);
+            pieces.clear();
+            if !plan.is_bilinear() {
+                valid_runs(self.lut.table().row(row), |cells| plan.pieces(cells, &mut pieces));
             }
-            let (pieces, _) = self.plan.row(row);
-            for piece in pieces {
-                let own = piece.first as usize * channels..(piece.first + piece.cells) as usize * channels;
-                self.piece(piece, footprints, &mut cells[own], &mut scratch);
+            let mut next = &pieces[..];
+            for segment in self.lut.table().row(row) {
+                next = self.segment(segment, next, cells);
+            }
+            if pieces.is_empty() {
+                continue;
+            }
+            footprints.read(row);
+            for piece in &pieces {
+                if self.fused.is_none() || piece.clipped {
+                    footprints.work_out(&plan, piece);
+                }
+                let own = piece.first * channels..(piece.first + piece.cells) * channels;
+                self.piece(piece, &plan, &footprints, &mut cells[own], &mut scratch);
             }
         }
     }
@@ -124,7 +140,7 @@ impl<T: Bilinear> Job<'_, T> {
         };
         let mut from = segment.first;
         while from < end {
-            let begin = pieces.first().map_or(end, |piece| piece.first as usize).clamp(from, end);
+            let begin = pieces.first().map_or(end, |piece| piece.first).clamp(from, end);
             if begin > from {
                 let taps = &segment.taps[from - segment.first..begin - segment.first];
                 kernel(self.source, taps, &mut cells[of(from, begin)]);
@@ -134,7 +150,7 @@ impl<T: Bilinear> Job<'_, T> {
             if let Some((piece, rest)) = pieces.split_first()
                 && begin < end
             {
-                let after = (piece.first + piece.cells) as usize;
+                let after = piece.first + piece.cells;
                 from = after.min(end);
                 pieces = if after <= end { rest } else { pieces };
             }
@@ -143,14 +159,29 @@ impl<T: Bilinear> Job<'_, T> {
     }
 
     /// Averages the footprints of a piece.
-    fn piece(&self, piece: &Piece, footprints: &Cells, cells: &mut [T], scratch: &mut Scratch<T>) {
+    fn piece(
+        &self,
+        piece: &Piece,
+        plan: &RowPlan<'_>,
+        footprints: &Footprints<'_>,
+        cells: &mut [T],
+        scratch: &mut Scratch<T>,
+    ) {
         let (level, first_row) = self.levels.get(piece.shape.kx, piece.shape.ky);
         let lattice = Lattice::new(piece, first_row, level.width());
         let channels = self.source.channels();
-        let start = piece.start as usize;
         if piece.clipped {
-            for (cell, values) in (start..).zip(cells.chunks_exact_mut(channels)) {
-                self.clipped(lattice, (level, first_row), footprints, cell, values, scratch);
+            // of the cells of blocks of which a probe leaves the image, mostly few do
+            for (part, is_clipped) in self.parts(piece, footprints) {
+                let own = part.first - piece.first..part.first - piece.first + part.cells;
+                let cells = &mut cells[own.start * channels..own.end * channels];
+                if !is_clipped {
+                    self.piece(&part, plan, footprints, cells, scratch);
+                    continue;
+                }
+                for (cell, values) in (part.first..).zip(cells.chunks_exact_mut(channels)) {
+                    self.clipped(lattice, (level, first_row), footprints, cell, values, scratch);
+                }
             }
             return;
         }
@@ -161,32 +192,32 @@ impl<T: Bilinear> Job<'_, T> {
         };
         let level = Source::new(level, border);
         if let Some(fused) = self.fused {
-            return fused(&level, &lattice.probes(footprints, start), cells);
+            return fused(&level, &lattice.probes(footprints, plan, piece), cells);
         }
-        let (mut first, mut rest) = (start, cells);
+        let (mut first, mut rest) = (piece.first, cells);
         while !rest.is_empty() {
             // no rest of a few cells, for which kernels have no vectors
             let left = rest.len() / channels;
             let count = if left < ROOM { left } else { BATCH };
             let values;
             (values, rest) = rest.split_at_mut(count * channels);
-            let samples = count.max(PADDING) * channels;
+            let samples = count.max(LANES) * channels;
             let (probe, sums) = (&mut scratch.probe[..samples], &mut scratch.sums[..values.len()]);
             for (index, at) in lattice_of(piece.shape).enumerate() {
-                lattice.taps(self.isa, at, footprints, first, &mut scratch.taps[..count.next_multiple_of(PADDING)]);
-                if count < PADDING {
+                lattice.taps(self.isa, at, footprints, first, &mut scratch.taps[..count.next_multiple_of(LANES)]);
+                if count < LANES {
                     // kernels have no vectors for a few cells: the last is probed more than once
                     let last = scratch.taps[count - 1];
-                    scratch.taps[count..PADDING].fill(last);
+                    scratch.taps[count..LANES].fill(last);
                 }
-                let taps = &scratch.taps[..count.max(PADDING)];
-                if index == 0 && count >= PADDING {
+                let taps = &scratch.taps[..count.max(LANES)];
+                if index == 0 && count >= LANES {
                     kernel(&level, taps, values);
                 } else {
                     kernel(&level, taps, probe);
                 }
                 if index == 0 {
-                    if count < PADDING {
+                    if count < LANES {
                         values.copy_from_slice(&probe[..values.len()]);
                     }
                     sums.fill(T::Sum::default());
@@ -199,12 +230,28 @@ impl<T: Bilinear> Job<'_, T> {
         }
     }
 
+    /// The parts of a piece whose cells all have a probe that leaves the level, or none.
+    fn parts(&self, piece: &Piece, footprints: &Footprints<'_>) -> impl Iterator<Item = (Piece, bool)> + use<T> {
+        let mut flags = vec![0; piece.cells];
+        let own = piece.first..piece.first + piece.cells;
+        let centre = footprints.centre.each_ref().map(|axis| &axis[own.clone()]);
+        let sides = footprints.sides.each_ref().map(|side| &side[own.clone()]);
+        leaves(self.isa, (piece.shape, piece.shift), self.lut.source_size(), centre, sides, &mut flags);
+        let (piece, mut next) = (*piece, 0);
+        std::iter::from_fn(move || {
+            let first = next;
+            let &flag = flags.get(first)?;
+            next += flags[first..].iter().take_while(|&&other| other == flag).count();
+            Some((Piece { first: piece.first + first, cells: next - first, clipped: false, ..piece }, flag != 0))
+        })
+    }
+
     /// Averages a footprint of which a part may lie outside the image, over the rest of it.
     fn clipped(
         &self,
         lattice: Lattice,
         (level, first_row): (&ImageView<'_, T>, u32),
-        footprints: &Cells,
+        footprints: &Footprints<'_>,
         cell: usize,
         values: &mut [T],
         scratch: &mut Scratch<T>,
@@ -235,7 +282,7 @@ impl<T: Bilinear> Job<'_, T> {
         positions().filter(is_inside).for_each(&mut probe);
         if !positions().any(|at| is_inside(&at)) {
             // every probe is outside, though the middle is not
-            probe([footprints.x[cell], footprints.y[cell]]);
+            probe([0, 1].map(|axis| footprints.centre[axis][cell]));
         }
         self.finish(lattice.shape, count, sums, values);
     }
@@ -244,6 +291,22 @@ impl<T: Bilinear> Job<'_, T> {
         if count > 1 {
             T::finish(self.isa, count, is_lean(shape), sums, values);
         }
+    }
+}
+
+/// Tells neighbouring valid cells, from left to right.
+fn valid_runs<'a>(segments: impl Iterator<Item = Segment<'a>>, mut tell: impl FnMut(Range<usize>)) {
+    let mut valid = 0..0;
+    for Segment { kind, first, cells, .. } in segments {
+        if matches!(kind, RunKind::Inside | RunKind::Rim) {
+            valid.start = if valid.end == first { valid.start } else { first };
+            valid.end = first + cells;
+        } else if !valid.is_empty() {
+            tell(std::mem::replace(&mut valid, 0..0));
+        }
+    }
+    if !valid.is_empty() {
+        tell(valid);
     }
 }
 

@@ -1,7 +1,8 @@
 //! The probes of footprints as taps of the bilinear kernels.
 
+use super::footprints::Footprints;
 use crate::cpu::Isa;
-use crate::lut::area::{Cells, Level, Piece, Q, Shape};
+use crate::lut::area::{Level, Piece, Q, RowPlan, Shape};
 use crate::lut::kernels::for_each_isa;
 use crate::lut::table::Tap;
 use crate::warp::kernels::Probes;
@@ -35,24 +36,27 @@ impl Lattice {
     }
 
     /// The taps of one probe of neighbouring footprints, none of which may be clipped.
-    pub(super) fn taps(self, isa: Isa, probe: (u8, u8), cells: &Cells, first: usize, taps: &mut [Tap]) {
+    pub(super) fn taps(self, isa: Isa, probe: (u8, u8), cells: &Footprints<'_>, first: usize, taps: &mut [Tap]) {
         let range = first..first + taps.len();
-        let sides = [&cells.along[0], &cells.along[1], &cells.down[0], &cells.down[1]].map(|side| &side[range.clone()]);
-        let centre = [&cells.x, &cells.y].map(|axis| &axis[range.clone()]);
+        let sides = cells.sides.each_ref().map(|side| &side[range.clone()]);
+        let centre = cells.centre.each_ref().map(|axis| &axis[range.clone()]);
         // SAFETY: a tap is 8 bytes with the alignment of a number, and any bits are one.
         let taps = unsafe { std::slice::from_raw_parts_mut(taps.as_mut_ptr().cast::<u64>(), taps.len()) };
         taps_of_cells(isa, self, self.offsets(probe), centre, sides, taps);
     }
 
-    /// The probes of all footprints from `first` on, for kernels that find them themselves.
-    pub(super) fn probes<'a>(self, cells: &'a Cells, first: usize) -> Probes<'a> {
-        let origin = [self.corner[0], self.corner[1] + (self.first_row << (Q + self.steps[1]))];
+    /// The probes of a piece of a row, for kernels that find them themselves.
+    pub(super) fn probes<'a>(self, cells: &'a Footprints<'_>, plan: &RowPlan<'a>, piece: &Piece) -> Probes<'a> {
+        let (blocks, first) = plan.blocks(piece);
         Probes {
-            centre: [&cells.x[first..], &cells.y[first..]],
-            sides: [&cells.along[0], &cells.along[1], &cells.down[0], &cells.down[1]].map(|side| &side[first..]),
+            at: cells.at(first),
+            blocks,
+            width: plan.width,
+            row: plan.row,
+            skip: piece.first - first,
             offsets: [Shape::offsets(self.shape.along), Shape::offsets(self.shape.down)],
             shift: 14 - u32::from(self.shift),
-            origin,
+            origin: [self.corner[0], self.corner[1] + (self.first_row << (Q + self.steps[1]))],
             steps: self.steps,
             lean: is_lean(self.shape),
         }
@@ -65,12 +69,11 @@ impl Lattice {
     }
 
     /// Where a probe of one footprint is on the source, 1/1024 pixel.
-    pub(super) fn position(self, probe: (u8, u8), cells: &Cells, cell: usize) -> [i32; 2] {
+    pub(super) fn position(self, probe: (u8, u8), cells: &Footprints<'_>, cell: usize) -> [i32; 2] {
         let offsets = self.offsets(probe);
-        let side = |sides: &[Vec<i16>; 2], axis: usize| i32::from(sides[axis][cell]);
-        [(&cells.x, 0), (&cells.y, 1)].map(|(centre, axis)| {
-            let sides = [side(&cells.along, axis), side(&cells.down, axis)];
-            centre[cell] + probe_offset(self, offsets, sides)
+        [0, 1].map(|axis| {
+            let sides = [axis, 2 + axis].map(|side| i32::from(cells.sides[side][cell]));
+            cells.centre[axis][cell] + probe_offset(self, offsets, sides)
         })
     }
 
@@ -126,10 +129,11 @@ fn body(lattice: Lattice, offsets: [i32; 2], centre: [&[i32]; 2], sides: [&[i16]
     let ([x, y], [ax, ay, bx, by]) = (centre.map(|axis| &axis[..cells]), sides.map(|side| &side[..cells]));
     for i in 0..cells {
         let at = |axis: usize, centre: i32, a: i16, b: i16| {
-            centre - lattice.corner[axis] + probe_offset(lattice, offsets, [a.into(), b.into()])
+            // wrapping, for the cells without an image that fill a vector
+            centre.wrapping_sub(lattice.corner[axis]).wrapping_add(probe_offset(lattice, offsets, [a.into(), b.into()]))
         };
         let column = at(0, x[i], ax[i], bx[i]) >> lattice.steps[0];
-        let row = (at(1, y[i], ay[i], by[i]) >> lattice.steps[1]) - (lattice.first_row << Q);
+        let row = (at(1, y[i], ay[i], by[i]) >> lattice.steps[1]).wrapping_sub(lattice.first_row << Q);
         // rows times columns fit 32 bits, if not always with a sign
         let offset = (row >> Q).wrapping_mul(lattice.width).wrapping_add(column >> Q) as u32;
         let fraction = |at: i32| (at as u32 & ((1 << Q) - 1)) << (15 - Q);

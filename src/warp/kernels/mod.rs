@@ -23,6 +23,8 @@ mod special;
 
 use crate::cpu::Isa;
 use crate::image::{ImageView, Sample, as_bytes, as_bytes_mut};
+use crate::lut::area::Block;
+use crate::lut::area::block::Width;
 use crate::lut::table::{ONE, Tap};
 
 /// What a kernel reads: the image and the border value of each channel.
@@ -90,10 +92,16 @@ pub(crate) type RowKernel<T> = fn(&Source<'_, T>, &[Tap], &mut [T]);
 /// Neighbouring footprints that are averaged alike, and where their probes lie: at centre + along a + down d, for each
 /// of the offsets a along one side of the footprint and d along the other.
 pub(crate) struct Probes<'a> {
-    /// Column and row of each footprint's middle on the source, 1/1024 pixel.
-    pub(crate) centre: [&'a [i32]; 2],
-    /// x and y of the side along, x and y of the side down, 1/1024 pixel before `shift`.
-    pub(crate) sides: [&'a [i16]; 4],
+    /// Column and row on the source where each cell samples, 1/1024 pixel, from the first cell of the first block to the
+    /// end of the last one.
+    pub(crate) at: [&'a [i32]; 2],
+    /// What the sides of their footprints are.
+    pub(crate) blocks: &'a [Block],
+    pub(crate) width: Width,
+    /// The row of the blocks.
+    pub(crate) row: usize,
+    /// So many cells of the first block come before those that are asked for.
+    pub(crate) skip: usize,
     /// The offsets along each side, in 1/16384 of it.
     pub(crate) offsets: [&'a [i16]; 2],
     /// Products of sides and offsets are 1/1024 pixel after shifting right by so much.
@@ -113,8 +121,7 @@ impl Probes<'_> {
     }
 }
 
-/// Fills neighbouring cells with the averages of their probes, all of whose pixels exist. The arrays of `Probes` go on for
-/// another 15 footprints of anything at all.
+/// Fills neighbouring cells with the averages of their probes, all of whose pixels exist.
 pub(crate) type ProbesKernel<T> = fn(&Source<'_, T>, &Probes<'_>, &mut [T]);
 
 /// The kernels of one warp.

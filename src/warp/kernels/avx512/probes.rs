@@ -5,10 +5,13 @@
 //! holds 4 i + 2 and 4 i + 3. So they come from [`gather`] by packing, and so bytes are packed in their order.
 
 use std::arch::x86_64::*;
+use std::ops::Range;
 
 use super::all_within;
 use super::bytes::{Reach, Weights, gather, load_window, near, planar, wide};
 use crate::cpu::Isa;
+use crate::lut::area::Block;
+use crate::lut::area::block::{Basis, LANES};
 use crate::lut::table::Tap;
 use crate::warp::area::Average;
 use crate::warp::kernels::plane::Plane;
@@ -28,20 +31,26 @@ pub(in crate::warp::kernels) fn probes_u8<const CHANNELS: usize>(
     let reach = plane.as_ref().map(Reach::new);
     let width = source.image.width();
     let finish = Finish::new(probes);
-    for (index, cells) in cells.chunks_mut(16 * CHANNELS).enumerate() {
-        let group = Group::load(probes, 16 * index, cells.len() / CHANNELS, width);
+    let columns = probes.width.columns();
+    let (mut rest, mut lanes) = (cells, probes.skip..columns);
+    for (index, block) in probes.blocks.iter().enumerate() {
+        lanes.end = columns.min(lanes.start + rest.len() / CHANNELS);
+        let cells;
+        (cells, rest) = rest.split_at_mut(lanes.len() * CHANNELS);
+        let group = Group::load(probes, index, block, lanes.clone(), width);
         let sums = match (&plane, reach) {
             (Some(plane), Some(reach)) => sum::<CHANNELS>(plane, reach, probes, &group),
             _ => None,
         };
         match sums {
-            Some(sums) => store::<CHANNELS>(finish.bytes(sums), cells),
-            None => one_by_one::<CHANNELS>(source, probes, &group, cells),
+            Some(sums) => store::<CHANNELS>(finish.bytes(sums), lanes.start, cells),
+            None => one_by_one::<CHANNELS>(source, probes, &group, lanes.start, cells),
         }
+        lanes.start = 0;
     }
 }
 
-/// Sixteen footprints.
+/// Sixteen footprints: those of a row of a block.
 struct Group {
     /// Columns and rows of the middles, less the origin.
     centre: [__m512i; 2],
@@ -51,29 +60,31 @@ struct Group {
 }
 
 impl Group {
-    /// The footprints from `first` on; of less than sixteen the last takes the others' places.
+    /// The footprints of a block; those of other lanes than `wanted` are as the nearest of these.
     #[inline]
     #[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512vbmi,avx512vnni")]
-    fn load(probes: &Probes<'_>, first: usize, count: usize, width: usize) -> Self {
-        let lanes = _mm512_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
-        let lanes = _mm512_min_epi32(lanes, _mm512_set1_epi32(count as i32 - 1));
+    fn load(probes: &Probes<'_>, index: usize, block: &Block, wanted: Range<usize>, width: usize) -> Self {
+        let all = _mm512_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
+        let (first, last) = (_mm512_set1_epi32(wanted.start as i32), _mm512_set1_epi32(wanted.end as i32 - 1));
+        let lanes = _mm512_max_epi32(_mm512_min_epi32(all, last), first);
         let centre = |axis: usize| {
-            let sixteen: &[i32; 16] = probes.centre[axis][first..].first_chunk().expect("arrays go on");
+            let sixteen: &[i32; LANES] =
+                probes.at[axis][probes.width.columns() * index..].first_chunk().expect("rows go on");
             // SAFETY: sixteen lanes are 64 bytes.
             let sixteen = unsafe { _mm512_loadu_si512(sixteen.as_ptr().cast()) };
-            let centre = _mm512_sub_epi32(sixteen, _mm512_set1_epi32(probes.origin[axis]));
-            _mm512_permutexvar_epi32(lanes, centre)
+            let origin = _mm512_set1_epi32(probes.origin[axis] - i32::from(block.offset[axis]));
+            _mm512_permutexvar_epi32(lanes, _mm512_sub_epi32(sixteen, origin))
         };
-        let side = |side: &[i16]| {
-            let sixteen: &[i16; 16] = side[first..].first_chunk().expect("arrays go on");
-            // SAFETY: sixteen numbers are 32 bytes.
-            _mm512_cvtepu16_epi32(unsafe { _mm256_loadu_si256(sixteen.as_ptr().cast()) })
-        };
-        let sides = |axis: usize| {
-            let (along, down) = (side(probes.sides[axis]), side(probes.sides[2 + axis]));
+        let [ax, ay, bx, by] = sides(block, probes.row, probes.width.basis());
+        let both = |along: __m512i, down: __m512i| {
+            let along = _mm512_and_si512(along, _mm512_set1_epi32(0xffff));
             _mm512_permutexvar_epi32(lanes, _mm512_or_si512(along, _mm512_slli_epi32::<16>(down)))
         };
-        Self { centre: [centre(0), centre(1)], sides: [sides(0), sides(1)], width: _mm512_set1_epi32(width as i32) }
+        Self {
+            centre: [centre(0), centre(1)],
+            sides: [both(ax, bx), both(ay, by)],
+            width: _mm512_set1_epi32(width as i32),
+        }
     }
 
     /// Where a probe looks, as a tap says it: offsets, and fractions of x in the low and of y in the high half of each lane.
@@ -95,6 +106,31 @@ impl Group {
         let y = _mm512_and_si512(_mm512_slli_epi32::<21>(row), _mm512_set1_epi32(0x7fe0_0000));
         (offset, _mm512_or_si512(x, y))
     }
+}
+
+/// [`Block::sides`], a number to each lane.
+#[inline]
+#[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512vbmi,avx512vnni")]
+fn sides(block: &Block, row: usize, basis: &Basis) -> [__m512i; 4] {
+    let sixteen = |numbers: &[i16; LANES]| {
+        // SAFETY: sixteen numbers of 2 bytes are 32 bytes.
+        unsafe { _mm256_loadu_si256(numbers.as_ptr().cast()) }
+    };
+    let changes = _mm256_mullo_epi16(sixteen(&block.changes), _mm256_set1_epi16(Block::half_rows(row)));
+    let coefficients = _mm256_add_epi16(sixteen(&block.coefficients), changes);
+    // two polynomials of the basis side by side
+    let pairs = |degree: usize| {
+        let (even, odd) =
+            (_mm512_cvtepu16_epi32(sixteen(&basis[degree])), _mm512_cvtepu16_epi32(sixteen(&basis[degree + 1])));
+        _mm512_or_si512(even, _mm512_slli_epi32::<16>(odd))
+    };
+    let (low, high) = (pairs(0), pairs(2));
+    let coefficients = _mm512_castsi256_si512(coefficients);
+    let pair = |index: i32| _mm512_permutexvar_epi32(_mm512_set1_epi32(index), coefficients);
+    [0, 1, 2, 3].map(|side| {
+        let sum = _mm512_add_epi32(_mm512_madd_epi16(pair(2 * side), low), _mm512_madd_epi16(pair(2 * side + 1), high));
+        _mm512_srai_epi32::<7>(sum)
+    })
 }
 
 /// The sums of all probes; `None` where a load would leave the image.
@@ -188,22 +224,28 @@ impl Finish {
     }
 }
 
-/// Stores up to sixteen cells.
+/// Stores the cells of lanes from `first` on.
 #[inline]
 #[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512vbmi,avx512vnni")]
-fn store<const CHANNELS: usize>(sixteen: __m512i, cells: &mut [u8]) {
-    if cells.len() == 16 * CHANNELS {
+fn store<const CHANNELS: usize>(sixteen: __m512i, first: usize, cells: &mut [u8]) {
+    if cells.len() == LANES * CHANNELS {
         return super::bytes::store_cells::<CHANNELS>(sixteen, cells);
     }
     let mut all = [0; 64];
-    super::bytes::store_cells::<CHANNELS>(sixteen, &mut all[..16 * CHANNELS]);
-    cells.copy_from_slice(&all[..cells.len()]);
+    super::bytes::store_cells::<CHANNELS>(sixteen, &mut all[..LANES * CHANNELS]);
+    cells.copy_from_slice(&all[first * CHANNELS..][..cells.len()]);
 }
 
 /// The same where wide loads would leave the image.
 #[cold]
 #[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512vbmi,avx512vnni")]
-fn one_by_one<const CHANNELS: usize>(source: &Source<'_, u8>, probes: &Probes<'_>, group: &Group, cells: &mut [u8]) {
+fn one_by_one<const CHANNELS: usize>(
+    source: &Source<'_, u8>,
+    probes: &Probes<'_>,
+    group: &Group,
+    first: usize,
+    cells: &mut [u8],
+) {
     let (mut sums, mut blends) = ([0; 64], [0; 64]);
     let (sums, blends) = (&mut sums[..cells.len()], &mut blends[..cells.len()]);
     for (index, (&along, &down)) in
@@ -212,13 +254,13 @@ fn one_by_one<const CHANNELS: usize>(source: &Source<'_, u8>, probes: &Probes<'_
         let (offsets, fractions) = group.probe(probes, along, down);
         // SAFETY: sixteen lanes are 64 bytes, of which any are numbers.
         let [offsets, fractions] =
-            [offsets, fractions].map(|lanes| unsafe { std::mem::transmute::<__m512i, [u32; 16]>(lanes) });
-        let taps: [Tap; 16] = std::array::from_fn(|cell| Tap {
+            [offsets, fractions].map(|lanes| unsafe { std::mem::transmute::<__m512i, [u32; LANES]>(lanes) });
+        let taps: [Tap; LANES] = std::array::from_fn(|cell| Tap {
             offset: offsets[cell],
             x: fractions[cell] as u16,
             y: (fractions[cell] >> 16) as u16,
         });
-        let taps = &taps[..cells.len() / CHANNELS];
+        let taps = &taps[first..][..cells.len() / CHANNELS];
         if index == 0 {
             scalar::bilinear::<u8, CHANNELS, false>(source, taps, cells);
         } else {

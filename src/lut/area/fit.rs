@@ -1,0 +1,194 @@
+//! From what is known of blocks to how they are averaged.
+
+use super::Q;
+use super::block::{Block, ROWS, lanes, polynomials};
+use super::samples::{BATCH, NODES, Samples};
+use super::shape::{Shape, choose, larger, largest_logs, smaller};
+use super::stretch::Stretches;
+use crate::cpu::Isa;
+use crate::lut::kernels::for_each_isa;
+
+/// Decides on up to [`BATCH`] blocks that look at a source of this size; tells how far from the middle of a footprint its
+/// probes are at most along each axis, 1/1024 pixel. False where blocks should be narrower.
+pub(super) fn decide(
+    isa: Isa,
+    source: (u32, u32),
+    samples: &Samples,
+    blocks: &mut [Block],
+    fars: &mut [[i32; 2]],
+) -> bool {
+    let typical = typical(samples);
+    let mut shapes = [0; BATCH];
+    choose(isa, largest_logs(source), &typical, &mut shapes);
+    let stretches = Stretches::new(isa, &typical, &shapes);
+    let mut fitted = Fitted::default();
+    fit(isa, samples, &stretches, &shapes, &mut fitted);
+    let mut fits = true;
+    for (index, (block, far)) in blocks.iter_mut().zip(fars).enumerate() {
+        let shape = Shape::unpacked(shapes[index]);
+        if shape == Shape::BILINEAR {
+            *block = Block::BILINEAR;
+            continue;
+        }
+        *far = [fitted.far[0][index], fitted.far[1][index]];
+        let Fitted { coefficients, changes, offset, shift, .. } = &fitted;
+        *block = Block {
+            coefficients: std::array::from_fn(|number| coefficients[number][index] as i16),
+            changes: std::array::from_fn(|number| changes[number][index] as i16),
+            offset: [offset[0][index] as i16, offset[1][index] as i16],
+            shape,
+            shift: shift[index] as u8,
+            clipped: false,
+        };
+        fits &= fitted.change[index] < MOST_CHANGE;
+    }
+    fits
+}
+
+/// How much sides may change from the middle of a block to its outermost node, as a part of the longest one.
+const MOST_CHANGE: f32 = 0.2;
+
+/// The sides in the middle of each block, in pixels: the mean of those at the nodes beside it.
+fn typical(samples: &Samples) -> [[f32; BATCH]; 4] {
+    const PIXEL: f32 = 1.0 / (1 << Q) as f32;
+    let ([_, left, right, _], mut typical) = (&samples.sides, [[0.0; BATCH]; 4]);
+    for (typical, (left, right)) in typical.iter_mut().zip(left.iter().zip(right)) {
+        *typical = lanes(|i| (left[i] + right[i]) * (0.5 * PIXEL));
+    }
+    typical
+}
+
+/// Numbers of blocks, which fit those of [`Block`].
+#[derive(Default)]
+struct Fitted {
+    coefficients: [[i32; BATCH]; 16],
+    changes: [[i32; BATCH]; 16],
+    offset: [[i32; BATCH]; 2],
+    shift: [u32; BATCH],
+    far: [[i32; BATCH]; 2],
+    /// See [`MOST_CHANGE`].
+    change: [f32; BATCH],
+}
+
+fn fit(isa: Isa, samples: &Samples, stretches: &Stretches, shapes: &[u32; BATCH], fitted: &mut Fitted) {
+    for_each_isa!(isa, (body, body, body)(
+        samples: &Samples, stretches: &Stretches, shapes: &[u32; BATCH], fitted: &mut Fitted
+    ));
+}
+
+#[inline(always)]
+fn body(samples: &Samples, stretches: &Stretches, shapes: &[u32; BATCH], fitted: &mut Fitted) {
+    // one loop, and no closures: of loops in loops the compiler gathers and scatters lanes
+    for i in 0..BATCH {
+        let ([a, b, c, d], [of_a, of_b, of_c, of_d]) = (&samples.sides, &samples.changes);
+        let (mut sides, mut changes) = ([[0.0; 4]; 4], [[0.0; 4]; 4]);
+        let (mut change, mut length) = (0.0, 1024.0);
+        for side in 0..4 {
+            let middle = 0.5 * (b[side][i] + c[side][i]);
+            change = larger(change, larger((a[side][i] - middle).abs(), (d[side][i] - middle).abs()));
+            length = larger(length, middle.abs());
+            sides[side] = polynomial([a[side][i], b[side][i], c[side][i], d[side][i]]);
+            changes[side] = polynomial([of_a[side][i], of_b[side][i], of_c[side][i], of_d[side][i]]);
+        }
+        let (xx, yx, yy) = (stretches.xx[i], stretches.yx[i], stretches.yy[i]);
+        let (mut most, mut longest) = ([0.0; 4], 0.0);
+        for side in [0, 2] {
+            for degree in 0..4 {
+                let (x, y) = (sides[side][degree], sides[side + 1][degree]);
+                (sides[side][degree], sides[side + 1][degree]) = (xx * x, yx * x + yy * y);
+                let (x, y) = (changes[side][degree], changes[side + 1][degree]);
+                (changes[side][degree], changes[side + 1][degree]) = (xx * x, yx * x + yy * y);
+            }
+        }
+        for side in 0..4 {
+            for degree in 0..4 {
+                let most_of_rows = sides[side][degree].abs() + OUTER_ROW * changes[side][degree].abs();
+                most[side] += most_of_rows * MOST_BASIS[degree];
+            }
+            longest = larger(longest, most[side]);
+        }
+        let shift = shift_of(longest);
+        // of maps that jump about more than that nothing can be told: their footprints are points
+        let is_told = longest < LIMIT * f32::from(1u16 << MOST_SHIFT);
+        let unit = if is_told { f32::from_bits((127 - shift) << 23) } else { 0.0 };
+        for side in 0..4 {
+            for degree in 0..4 {
+                let number = 4 * side + degree;
+                fitted.coefficients[number][i] = whole(sides[side][degree] * (2.0 * unit), i16::MAX.into());
+                fitted.changes[number][i] = whole(changes[side][degree] * (2.0 * unit), i16::MAX.into());
+            }
+        }
+        fitted.shift[i] = shift;
+        fitted.change[i] = change / length;
+        for side in 0..2 {
+            fitted.offset[side][i] = whole(samples.bend[side][i], i16::MAX.into());
+        }
+        // of n probes the outermost are half a side, less half the distance between two, from the middle
+        let outermost = |count: u32| 0.5 - 0.5 / (count as f32);
+        let (along, down) = (outermost(shapes[i] >> 16 & 0xff), outermost(shapes[i] >> 24));
+        for axis in 0..2 {
+            // rounded coefficients are half a unit off, products and sums another one
+            let far = (most[axis] * along + most[2 + axis] * down) * unit + 4.0;
+            fitted.far[axis][i] = whole(far, 2.0 * LIMIT) << shift;
+        }
+    }
+}
+
+/// Half rows from the middle of a block to its outer rows.
+const OUTER_ROW: f32 = (ROWS - 1) as f32;
+
+/// The longest side of a block in units of its shift: 2^14, and room for coefficients that are larger than what they are
+/// multiplied to.
+const LIMIT: f32 = 14000.0;
+
+/// The largest unit is 16 pixels.
+const MOST_SHIFT: u32 = 14;
+
+/// How large a polynomial of the basis is at most.
+const MOST_BASIS: [f32; 4] = {
+    let [_, first, second, third] = polynomials(15);
+    [1.0, first as f32 / 64.0, second as f32 / 64.0, third as f32 / 64.0]
+};
+
+/// The coefficients of the cubic through the numbers at four nodes.
+#[inline(always)]
+fn polynomial([a, b, c, d]: [f32; 4]) -> [f32; 4] {
+    /// Degree by degree what the basis is at the near and at the far node.
+    const AT: [[f32; 2]; 4] = {
+        let [near, far] = [polynomials(NODES[2]), polynomials(NODES[3])];
+        let mut at = [[0.0; 2]; 4];
+        let mut degree = 0;
+        while degree < 4 {
+            at[degree] = [near[degree] as f32 / 64.0, far[degree] as f32 / 64.0];
+            degree += 1;
+        }
+        at
+    };
+    const EVEN: f32 = 0.5 / (AT[2][1] - AT[2][0]);
+    const ODD: f32 = 0.5 / (AT[1][0] * AT[3][1] - AT[1][1] * AT[3][0]);
+    // the basis is even or odd, so are the parts of the cubic
+    let c2 = ((a + d) - (b + c)) * EVEN;
+    let c0 = 0.5 * (b + c) - c2 * AT[2][0];
+    let c1 = ((c - b) * AT[3][1] - (d - a) * AT[3][0]) * ODD;
+    let c3 = ((d - a) * AT[1][0] - (c - b) * AT[1][1]) * ODD;
+    [c0, c1, c2, c3]
+}
+
+/// By how much to shift sides of up to `longest` so that twice their coefficients fit 16 bits. Even, so that neighbouring
+/// blocks are mostly of one shift.
+#[inline(always)]
+fn shift_of(longest: f32) -> u32 {
+    let parts = longest * (1.0 / LIMIT);
+    let log = ((parts.to_bits() >> 23) & 0xff).wrapping_sub(126);
+    let shift = log.wrapping_add(1) & !1;
+    if parts < 1.0 { 0 } else { shift.min(MOST_SHIFT) }
+}
+
+/// The nearest whole number to one that is cut to `most` either way, which is at most 2^22.
+#[inline(always)]
+fn whole(number: f32, most: f32) -> i32 {
+    /// Added to a float32, it leaves the nearest whole number in the low bits: conversions are not made with vectors, for
+    /// the sake of numbers that are too large.
+    const WHOLE: f32 = 1.5 * (1 << 23) as f32;
+    (smaller(larger(number, -most), most) + WHOLE).to_bits().wrapping_sub(WHOLE.to_bits()) as i32
+}
