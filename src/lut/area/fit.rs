@@ -3,7 +3,7 @@
 use super::Q;
 use super::block::{Block, ROWS, lanes, polynomials};
 use super::samples::{BATCH, NODES, Samples};
-use super::shape::{Shape, choose, larger, largest_logs, smaller};
+use super::shape::{Shape, choose, larger, largest_logs, smaller, steepness};
 use super::stretch::Stretches;
 use crate::cpu::Isa;
 use crate::lut::kernels::for_each_isa;
@@ -22,7 +22,7 @@ pub(super) fn decide(
     choose(isa, largest_logs(source), &typical, &mut shapes);
     let stretches = Stretches::new(isa, &typical, &shapes);
     let mut fitted = Fitted::default();
-    fit(isa, samples, &stretches, &shapes, &mut fitted);
+    fit(isa, (samples, &typical), &stretches, &shapes, &mut fitted);
     let mut fits = true;
     for (index, (block, far)) in blocks.iter_mut().zip(fars).enumerate() {
         let shape = Shape::unpacked(shapes[index]);
@@ -45,7 +45,8 @@ pub(super) fn decide(
     fits
 }
 
-/// How much sides may change from the middle of a block to its outermost node, as a part of the longest one.
+/// How much sides may change from the middle of a block to its outermost node, as a part of the longest one, where the
+/// road is seen steeply. Elsewhere what changes is the slant of slivers, which does not matter.
 const MOST_CHANGE: f32 = 0.2;
 
 /// The sides in the middle of each block, in pixels: the mean of those at the nodes beside it.
@@ -70,21 +71,37 @@ struct Fitted {
     change: [f32; BATCH],
 }
 
-fn fit(isa: Isa, samples: &Samples, stretches: &Stretches, shapes: &[u32; BATCH], fitted: &mut Fitted) {
+fn fit(
+    isa: Isa,
+    (samples, typical): (&Samples, &[[f32; BATCH]; 4]),
+    stretches: &Stretches,
+    shapes: &[u32; BATCH],
+    fitted: &mut Fitted,
+) {
     for_each_isa!(isa, (body, body, body)(
-        samples: &Samples, stretches: &Stretches, shapes: &[u32; BATCH], fitted: &mut Fitted
+        samples: &Samples,
+        typical: &[[f32; BATCH]; 4],
+        stretches: &Stretches,
+        shapes: &[u32; BATCH],
+        fitted: &mut Fitted,
     ));
 }
 
 #[inline(always)]
-fn body(samples: &Samples, stretches: &Stretches, shapes: &[u32; BATCH], fitted: &mut Fitted) {
+fn body(
+    samples: &Samples,
+    typical: &[[f32; BATCH]; 4],
+    stretches: &Stretches,
+    shapes: &[u32; BATCH],
+    fitted: &mut Fitted,
+) {
     // one loop, and no closures: of loops in loops the compiler gathers and scatters lanes
     for i in 0..BATCH {
         let ([a, b, c, d], [of_a, of_b, of_c, of_d]) = (&samples.sides, &samples.changes);
         let (mut sides, mut changes) = ([[0.0; 4]; 4], [[0.0; 4]; 4]);
         let (mut change, mut length) = (0.0, 1024.0);
         for side in 0..4 {
-            let middle = 0.5 * (b[side][i] + c[side][i]);
+            let middle = typical[side][i] * f32::from(1u16 << Q);
             change = larger(change, larger((a[side][i] - middle).abs(), (d[side][i] - middle).abs()));
             length = larger(length, middle.abs());
             sides[side] = polynomial([a[side][i], b[side][i], c[side][i], d[side][i]]);
@@ -119,7 +136,9 @@ fn body(samples: &Samples, stretches: &Stretches, shapes: &[u32; BATCH], fitted:
             }
         }
         fitted.shift[i] = shift;
-        fitted.change[i] = change / length;
+        let [ax, ay, bx, by] = [typical[0][i], typical[1][i], typical[2][i], typical[3][i]];
+        let steep = steepness((ax * by - ay * bx).abs(), ax * ax + ay * ay + bx * bx + by * by);
+        fitted.change[i] = if steep > 0.0 { change / length } else { 0.0 };
         for side in 0..2 {
             fitted.offset[side][i] = whole(samples.bend[side][i], i16::MAX.into());
         }

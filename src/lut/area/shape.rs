@@ -137,7 +137,7 @@ fn body(largest: [u32; 2], sides: [&[f32]; 4], shapes: &mut [u32]) {
 /// A square cell that is seen at an angle e to the road has `2 area / squares` of `2 sin(e) / (1 + sin(e)^2)`: this is from
 /// 13 to 19 degrees. The cells of a camera that looks ahead over the hood are all below.
 #[inline(always)]
-fn steepness(area: f32, squares: f32) -> f32 {
+pub(super) fn steepness(area: f32, squares: f32) -> f32 {
     /// Smaller footprints, in pixels, are as good as their few pixels.
     const SMALL: f32 = 16.0;
     let round = 2.0 * area / larger(squares, 0.01);
