@@ -30,14 +30,14 @@ pub(in crate::warp::kernels) fn probes_u8<const CHANNELS: usize>(
     let plane = Plane::new(source);
     let reach = plane.as_ref().map(Reach::new);
     let width = source.image.width();
-    let finish = Finish::new(probes);
+    let (basis, finish) = (BasisPairs::new(probes.width.basis()), Finish::new(probes));
     let columns = probes.width.columns();
     let (mut rest, mut lanes) = (cells, probes.skip..columns);
     for (index, block) in probes.blocks.iter().enumerate() {
         lanes.end = columns.min(lanes.start + rest.len() / CHANNELS);
         let cells;
         (cells, rest) = rest.split_at_mut(lanes.len() * CHANNELS);
-        let group = Group::load(probes, index, block, lanes.clone(), width);
+        let group = Group::load(probes, &basis, index, block, lanes.clone(), width);
         let sums = match (&plane, reach) {
             (Some(plane), Some(reach)) => sum::<CHANNELS>(plane, reach, probes, &group),
             _ => None,
@@ -63,28 +63,44 @@ impl Group {
     /// The footprints of a block; those of other lanes than `wanted` are as the nearest of these.
     #[inline]
     #[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512vbmi,avx512vnni")]
-    fn load(probes: &Probes<'_>, index: usize, block: &Block, wanted: Range<usize>, width: usize) -> Self {
-        let all = _mm512_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
-        let (first, last) = (_mm512_set1_epi32(wanted.start as i32), _mm512_set1_epi32(wanted.end as i32 - 1));
-        let lanes = _mm512_max_epi32(_mm512_min_epi32(all, last), first);
+    fn load(
+        probes: &Probes<'_>,
+        basis: &BasisPairs,
+        index: usize,
+        block: &Block,
+        wanted: Range<usize>,
+        width: usize,
+    ) -> Self {
         let centre = |axis: usize| {
             let sixteen: &[i32; LANES] =
                 probes.at[axis][probes.width.columns() * index..].first_chunk().expect("rows go on");
             // SAFETY: sixteen lanes are 64 bytes.
             let sixteen = unsafe { _mm512_loadu_si512(sixteen.as_ptr().cast()) };
-            let origin = _mm512_set1_epi32(probes.origin[axis] - i32::from(block.offset[axis]));
-            _mm512_permutexvar_epi32(lanes, _mm512_sub_epi32(sixteen, origin))
+            _mm512_sub_epi32(sixteen, _mm512_set1_epi32(probes.origin[axis] - i32::from(block.offset[axis])))
         };
-        let [ax, ay, bx, by] = sides(block, probes.row, probes.width.basis());
-        let both = |along: __m512i, down: __m512i| {
-            let along = _mm512_and_si512(along, _mm512_set1_epi32(0xffff));
-            _mm512_permutexvar_epi32(lanes, _mm512_or_si512(along, _mm512_slli_epi32::<16>(down)))
-        };
-        Self {
-            centre: [centre(0), centre(1)],
-            sides: [both(ax, bx), both(ay, by)],
-            width: _mm512_set1_epi32(width as i32),
+        let (mut centre, mut sides) = ([centre(0), centre(1)], [_mm512_setzero_si512(); 2]);
+        // more than half of the cells of 10 cm have one probe, which is in the middle
+        let [has_along, has_down] = probes.offsets.map(|offsets| offsets.len() > 1);
+        if has_along | has_down {
+            let coefficients = basis.coefficients(block, probes.row);
+            for (axis, side) in sides.iter_mut().enumerate() {
+                if has_along {
+                    *side = _mm512_and_si512(basis.side(coefficients, axis), _mm512_set1_epi32(0xffff));
+                }
+                if has_down {
+                    *side = _mm512_or_si512(*side, _mm512_slli_epi32::<16>(basis.side(coefficients, 2 + axis)));
+                }
+            }
         }
+        if wanted.len() < LANES {
+            let all = _mm512_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
+            let (first, last) = (_mm512_set1_epi32(wanted.start as i32), _mm512_set1_epi32(wanted.end as i32 - 1));
+            let lanes = _mm512_max_epi32(_mm512_min_epi32(all, last), first);
+            for vector in centre.iter_mut().chain(&mut sides) {
+                *vector = _mm512_permutexvar_epi32(lanes, *vector);
+            }
+        }
+        Self { centre, sides, width: _mm512_set1_epi32(width as i32) }
     }
 
     /// Where a probe looks, as a tap says it: offsets, and fractions of x in the low and of y in the high half of each lane.
@@ -108,29 +124,47 @@ impl Group {
     }
 }
 
-/// [`Block::sides`], a number to each lane.
+/// What evaluates [`Block::sides`]: two polynomials of the basis side by side in each lane.
+struct BasisPairs {
+    low: __m512i,
+    high: __m512i,
+}
+
+impl BasisPairs {
+    #[inline]
+    #[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512vbmi,avx512vnni")]
+    fn new(basis: &Basis) -> Self {
+        let pairs = |degree: usize| {
+            let [even, odd] = [degree, degree + 1].map(|degree| _mm512_cvtepu16_epi32(sixteen(&basis[degree])));
+            _mm512_or_si512(even, _mm512_slli_epi32::<16>(odd))
+        };
+        Self { low: pairs(0), high: pairs(2) }
+    }
+
+    /// The coefficients of a row of a block, in the low half.
+    #[inline]
+    #[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512vbmi,avx512vnni")]
+    fn coefficients(&self, block: &Block, row: usize) -> __m512i {
+        let changes = _mm256_mullo_epi16(sixteen(&block.changes), _mm256_set1_epi16(Block::half_rows(row)));
+        _mm512_castsi256_si512(_mm256_add_epi16(sixteen(&block.coefficients), changes))
+    }
+
+    /// One of the four sides, a number to each lane.
+    #[inline]
+    #[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512vbmi,avx512vnni")]
+    fn side(&self, coefficients: __m512i, side: usize) -> __m512i {
+        let pair = |index: usize| _mm512_permutexvar_epi32(_mm512_set1_epi32(index as i32), coefficients);
+        let low = _mm512_madd_epi16(pair(2 * side), self.low);
+        let high = _mm512_madd_epi16(pair(2 * side + 1), self.high);
+        _mm512_srai_epi32::<7>(_mm512_add_epi32(low, high))
+    }
+}
+
 #[inline]
 #[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512vbmi,avx512vnni")]
-fn sides(block: &Block, row: usize, basis: &Basis) -> [__m512i; 4] {
-    let sixteen = |numbers: &[i16; LANES]| {
-        // SAFETY: sixteen numbers of 2 bytes are 32 bytes.
-        unsafe { _mm256_loadu_si256(numbers.as_ptr().cast()) }
-    };
-    let changes = _mm256_mullo_epi16(sixteen(&block.changes), _mm256_set1_epi16(Block::half_rows(row)));
-    let coefficients = _mm256_add_epi16(sixteen(&block.coefficients), changes);
-    // two polynomials of the basis side by side
-    let pairs = |degree: usize| {
-        let (even, odd) =
-            (_mm512_cvtepu16_epi32(sixteen(&basis[degree])), _mm512_cvtepu16_epi32(sixteen(&basis[degree + 1])));
-        _mm512_or_si512(even, _mm512_slli_epi32::<16>(odd))
-    };
-    let (low, high) = (pairs(0), pairs(2));
-    let coefficients = _mm512_castsi256_si512(coefficients);
-    let pair = |index: i32| _mm512_permutexvar_epi32(_mm512_set1_epi32(index), coefficients);
-    [0, 1, 2, 3].map(|side| {
-        let sum = _mm512_add_epi32(_mm512_madd_epi16(pair(2 * side), low), _mm512_madd_epi16(pair(2 * side + 1), high));
-        _mm512_srai_epi32::<7>(sum)
-    })
+fn sixteen(numbers: &[i16; LANES]) -> __m256i {
+    // SAFETY: sixteen numbers of 2 bytes are 32 bytes.
+    unsafe { _mm256_loadu_si256(numbers.as_ptr().cast()) }
 }
 
 /// The sums of all probes; `None` where a load would leave the image.
