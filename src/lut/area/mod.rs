@@ -92,6 +92,11 @@ pub(crate) struct Piece {
     pub(crate) clipped: bool,
 }
 
+impl Piece {
+    /// No cells.
+    pub(crate) const NONE: Self = Self { first: 0, cells: 0, shape: Shape::BILINEAR, shift: 0, clipped: false };
+}
+
 /// How the cells of a row are averaged that see more than a pixel.
 #[derive(Clone, Copy)]
 pub(crate) struct RowPlan<'a> {
@@ -139,11 +144,6 @@ impl<'a> RowPlan<'a> {
                 add(first..next, clipped);
             }
         }
-    }
-
-    /// Whether all of the row is bilinear.
-    pub(crate) fn is_bilinear(&self) -> bool {
-        self.runs.is_empty()
     }
 }
 

@@ -4,7 +4,7 @@ use super::Q;
 use super::block::LANES;
 use crate::cpu::Isa;
 use crate::lut::kernels::for_each_isa;
-use crate::lut::table::{RunKind, Table, Tap, unframed};
+use crate::lut::table::{RunKind, Segment, Table, Tap, unframed};
 
 /// The coordinate of a cell without an image.
 pub(super) const OUTSIDE: i32 = i32::MIN;
@@ -64,27 +64,30 @@ impl Coordinates {
             return;
         };
         let (width, _) = table.source();
-        for segment in table.row(row) {
-            let cells = segment.first..segment.first + segment.cells;
-            let own = cells.start + 1..cells.end + 1;
-            let (xs, ys) = (&mut self.xs[own.clone()], &mut self.ys[own]);
-            match segment.kind {
-                RunKind::Outside => {
-                    xs.fill(OUTSIDE);
-                    ys.fill(OUTSIDE);
-                }
-                RunKind::Inside => unpack(isa, segment.taps, width, xs, ys),
-                RunKind::Rim | RunKind::Halo => {
-                    for ((x, y), tap) in xs.iter_mut().zip(ys).zip(segment.taps) {
-                        let (column, row) = unframed(tap.offset, width);
-                        *x = fixed(column as i32, tap.fx());
-                        *y = fixed(row as i32, tap.fy());
-                    }
+        table.row(row).for_each(|segment| self.read_cells(isa, segment, width));
+    }
+
+    /// Reads some cells of a row, of a source of this width.
+    pub(crate) fn read_cells(&mut self, isa: Isa, segment: Segment<'_>, width: u32) {
+        let cells = segment.first..segment.first + segment.cells;
+        let own = cells.start + 1..cells.end + 1;
+        let (xs, ys) = (&mut self.xs[own.clone()], &mut self.ys[own]);
+        match segment.kind {
+            RunKind::Outside => {
+                xs.fill(OUTSIDE);
+                ys.fill(OUTSIDE);
+            }
+            RunKind::Inside => unpack(isa, segment.taps, width, xs, ys),
+            RunKind::Rim | RunKind::Halo => {
+                for ((x, y), tap) in xs.iter_mut().zip(ys).zip(segment.taps) {
+                    let (column, row) = unframed(tap.offset, width);
+                    *x = fixed(column as i32, tap.fx());
+                    *y = fixed(row as i32, tap.fy());
                 }
             }
-            if matches!(segment.kind, RunKind::Inside | RunKind::Rim) {
-                self.valid[cells].fill(1);
-            }
+        }
+        if matches!(segment.kind, RunKind::Inside | RunKind::Rim) {
+            self.valid[cells].fill(1);
         }
     }
 }

@@ -1,16 +1,16 @@
-//! The footprints of the cells of a row, worked out from its table and plan.
+//! The footprints of cells, worked out from their taps and plan.
 
 use crate::cpu::Isa;
 use crate::lut::area::block::{LANES, Width};
 use crate::lut::area::{Block, Coordinates, Piece, RowPlan};
 use crate::lut::kernels::for_each_isa;
-use crate::lut::table::Table;
+use crate::lut::table::{Segment, Table};
 
-/// The footprints of a row, an array for each number, so that loops over them become vectors. Arrays go on so far that
-/// vectors may begin at any cell; what was not worked out, and cells without an image, are anything at all.
-pub(super) struct Footprints<'a> {
+/// Footprints of neighbouring cells, an array for each number with an entry for each cell of the row, so that loops over
+/// them become vectors. Arrays go on so far that vectors may begin at any cell; of cells that were not worked out the numbers
+/// are anything at all.
+pub(super) struct Footprints {
     isa: Isa,
-    table: &'a Table,
     at: Coordinates,
     /// Middle, 1/1024 pixel.
     pub(super) centre: [Vec<i32>; 2],
@@ -18,27 +18,17 @@ pub(super) struct Footprints<'a> {
     pub(super) sides: [Vec<i16>; 4],
 }
 
-impl<'a> Footprints<'a> {
-    pub(super) fn new(isa: Isa, table: &'a Table) -> Self {
-        // behind the last footprint there is a block of nothing: loops may begin anywhere and run in whole vectors
+impl Footprints {
+    pub(super) fn new(isa: Isa, table: &Table) -> Self {
         let room = table.columns().next_multiple_of(LANES) + LANES;
         let centre = [vec![0; room], vec![0; room]];
         let sides = [(), (), (), ()].map(|()| vec![0; room]);
-        Self { isa, table, at: Coordinates::none(table), centre, sides }
+        Self { isa, at: Coordinates::none(table), centre, sides }
     }
 
-    /// Reads where the cells of a row sample.
-    pub(super) fn read(&mut self, row: usize) {
-        self.at.read(self.isa, self.table, Some(row));
-    }
-
-    /// Where the cells of the row sample from one on: columns and rows, 1/1024 pixel.
-    pub(super) fn at(&self, cell: usize) -> [&[i32]; 2] {
-        self.at.axes().map(|axis| &axis[1 + cell..])
-    }
-
-    /// Works out the arrays for the blocks of a piece of the row that was read.
-    pub(super) fn work_out(&mut self, plan: &RowPlan<'_>, piece: &Piece) {
+    /// Works out the footprints of a piece, whose cells are these, on a source of this width.
+    pub(super) fn work_out(&mut self, plan: &RowPlan<'_>, piece: &Piece, cells: Segment<'_>, width: u32) {
+        self.at.read_cells(self.isa, cells, width);
         let (blocks, first) = plan.blocks(piece);
         let at = self.at.axes().map(|axis| &axis[1 + first..]);
         let centre = self.centre.each_mut().map(|axis| &mut axis[first..]);

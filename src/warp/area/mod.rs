@@ -11,7 +11,6 @@ mod levels;
 mod pairs;
 mod probes;
 
-use std::ops::Range;
 use std::slice;
 
 pub(crate) use average::Average;
@@ -103,97 +102,104 @@ impl<T: Bilinear> Job<'_, T> {
         let (mut footprints, mut pieces) = (Footprints::new(self.isa, self.lut.table()), Vec::new());
         for (row, cells) in (first..).zip(rows) {
             let plan = self.plan.row(row);
-            pieces.clear();
-            if !plan.is_bilinear() {
-                valid_runs(self.lut.table().row(row), |cells| plan.pieces(cells, &mut pieces));
-            }
-            let mut next = &pieces[..];
             for segment in self.lut.table().row(row) {
-                next = self.segment(segment, next, cells);
-            }
-            if pieces.is_empty() {
-                continue;
-            }
-            footprints.read(row);
-            for piece in &pieces {
-                if self.fused.is_none() || piece.clipped {
-                    footprints.work_out(&plan, piece);
+                let own = segment.first..segment.first + segment.cells;
+                let cells = &mut cells[own.start * channels..own.end * channels];
+                pieces.clear();
+                if matches!(segment.kind, RunKind::Inside | RunKind::Rim) {
+                    plan.pieces(own, &mut pieces);
                 }
-                let own = piece.first * channels..(piece.first + piece.cells) * channels;
-                self.piece(piece, &plan, &footprints, &mut cells[own], &mut scratch);
+                self.segment(segment, &plan, &pieces, &mut footprints, cells, &mut scratch);
             }
         }
     }
 
-    /// Fills the cells of a segment that are no part of a piece; returns the pieces that come after it.
-    fn segment<'a>(&self, segment: Segment<'_>, mut pieces: &'a [Piece], cells: &mut [T]) -> &'a [Piece] {
+    /// Fills the cells of a segment, of which these are averaged.
+    fn segment(
+        &self,
+        segment: Segment<'_>,
+        plan: &RowPlan<'_>,
+        pieces: &[Piece],
+        footprints: &mut Footprints,
+        cells: &mut [T],
+        scratch: &mut Scratch<T>,
+    ) {
         let channels = self.source.channels();
-        let end = segment.first + segment.cells;
-        let of = |from: usize, to: usize| from * channels..to * channels;
         let kernel = match segment.kind {
-            RunKind::Outside => {
-                self.source.fill_border(&mut cells[of(segment.first, end)]);
-                return pieces;
-            }
+            RunKind::Outside => return self.source.fill_border(cells),
             RunKind::Inside => self.bilinear.inside,
             RunKind::Rim | RunKind::Halo => self.bilinear.edge,
         };
-        let mut from = segment.first;
-        while from < end {
-            let begin = pieces.first().map_or(end, |piece| piece.first).clamp(from, end);
-            if begin > from {
-                let taps = &segment.taps[from - segment.first..begin - segment.first];
-                kernel(self.source, taps, &mut cells[of(from, begin)]);
+        let (mut taps, mut rest, mut next) = (segment.taps, cells, segment.first);
+        // one more of no cells at the end
+        let none = Piece { first: segment.first + segment.cells, cells: 0, ..Piece::NONE };
+        for piece in pieces.iter().chain([&none]) {
+            let (before, own, cells_before, own_cells);
+            (before, taps) = taps.split_at(piece.first - next);
+            (own, taps) = taps.split_at(piece.cells);
+            (cells_before, rest) = rest.split_at_mut(before.len() * channels);
+            (own_cells, rest) = rest.split_at_mut(own.len() * channels);
+            next = piece.first + piece.cells;
+            if !before.is_empty() {
+                kernel(self.source, before, cells_before);
             }
-            // a piece may go on in the next segment
-            from = end;
-            if let Some((piece, rest)) = pieces.split_first()
-                && begin < end
-            {
-                let after = piece.first + piece.cells;
-                from = after.min(end);
-                pieces = if after <= end { rest } else { pieces };
+            if !own.is_empty() {
+                let segment = Segment { first: piece.first, cells: piece.cells, taps: own, ..segment };
+                self.piece(piece, plan, segment, footprints, own_cells, scratch);
             }
         }
-        pieces
     }
 
-    /// Averages the footprints of a piece.
+    /// Averages the footprints of a piece, whose cells are those of `segment`.
     fn piece(
         &self,
         piece: &Piece,
         plan: &RowPlan<'_>,
-        footprints: &Footprints<'_>,
+        segment: Segment<'_>,
+        footprints: &mut Footprints,
         cells: &mut [T],
         scratch: &mut Scratch<T>,
     ) {
         let (level, first_row) = self.levels.get(piece.shape.kx, piece.shape.ky);
         let lattice = Lattice::new(piece, first_row, level.width());
+        let (width, _) = self.lut.source_size();
+        let source = Source::new(level, self.source.border());
+        let fused = self.fused.filter(|_| segment.kind == RunKind::Inside);
+        if let (Some(fused), false) = (fused, piece.clipped) {
+            return fused(&source, &lattice.probes(plan, piece, segment.taps, width), cells);
+        }
+        footprints.work_out(plan, piece, segment, width);
+        // of the cells of blocks of which a probe leaves the image, mostly few do
         let channels = self.source.channels();
-        if piece.clipped {
-            // of the cells of blocks of which a probe leaves the image, mostly few do
-            for (part, is_clipped) in self.parts(piece, footprints) {
-                let own = part.first - piece.first..part.first - piece.first + part.cells;
-                let cells = &mut cells[own.start * channels..own.end * channels];
-                if !is_clipped {
-                    self.piece(&part, plan, footprints, cells, scratch);
-                    continue;
+        let (mut taps, mut rest) = (segment.taps, cells);
+        for (part, is_clipped) in self.parts(piece, footprints) {
+            let (own, cells);
+            (own, taps) = taps.split_at(part.cells);
+            (cells, rest) = rest.split_at_mut(part.cells * channels);
+            match fused {
+                _ if is_clipped => {
+                    for (cell, values) in (part.first..).zip(cells.chunks_exact_mut(channels)) {
+                        self.clipped(lattice, (level, first_row), footprints, cell, values, scratch);
+                    }
                 }
-                for (cell, values) in (part.first..).zip(cells.chunks_exact_mut(channels)) {
-                    self.clipped(lattice, (level, first_row), footprints, cell, values, scratch);
-                }
+                Some(fused) => fused(&source, &lattice.probes(plan, &part, own, width), cells),
+                None => self.whole(&part, lattice, &source, footprints, cells, scratch),
             }
-            return;
         }
-        let (kernel, border) = if piece.shape.halvings() == 0 {
-            (self.bilinear.inside, self.source.border())
-        } else {
-            (self.on_levels.inside, self.source.border())
-        };
-        let level = Source::new(level, border);
-        if let Some(fused) = self.fused {
-            return fused(&level, &lattice.probes(footprints, plan, piece), cells);
-        }
+    }
+
+    /// Averages footprints that were worked out and of which no probe leaves the level.
+    fn whole(
+        &self,
+        piece: &Piece,
+        lattice: Lattice,
+        level: &Source<'_, T>,
+        footprints: &Footprints,
+        cells: &mut [T],
+        scratch: &mut Scratch<T>,
+    ) {
+        let channels = self.source.channels();
+        let kernel = if piece.shape.halvings() == 0 { self.bilinear.inside } else { self.on_levels.inside };
         let (mut first, mut rest) = (piece.first, cells);
         while !rest.is_empty() {
             // no rest of a few cells, for which kernels have no vectors
@@ -212,9 +218,9 @@ impl<T: Bilinear> Job<'_, T> {
                 }
                 let taps = &scratch.taps[..count.max(LANES)];
                 if index == 0 && count >= LANES {
-                    kernel(&level, taps, values);
+                    kernel(level, taps, values);
                 } else {
-                    kernel(&level, taps, probe);
+                    kernel(level, taps, probe);
                 }
                 if index == 0 {
                     if count < LANES {
@@ -231,12 +237,14 @@ impl<T: Bilinear> Job<'_, T> {
     }
 
     /// The parts of a piece whose cells all have a probe that leaves the level, or none.
-    fn parts(&self, piece: &Piece, footprints: &Footprints<'_>) -> impl Iterator<Item = (Piece, bool)> + use<T> {
+    fn parts(&self, piece: &Piece, footprints: &Footprints) -> impl Iterator<Item = (Piece, bool)> + use<T> {
         let mut flags = vec![0; piece.cells];
-        let own = piece.first..piece.first + piece.cells;
-        let centre = footprints.centre.each_ref().map(|axis| &axis[own.clone()]);
-        let sides = footprints.sides.each_ref().map(|side| &side[own.clone()]);
-        leaves(self.isa, (piece.shape, piece.shift), self.lut.source_size(), centre, sides, &mut flags);
+        if piece.clipped {
+            let own = piece.first..piece.first + piece.cells;
+            let centre = footprints.centre.each_ref().map(|axis| &axis[own.clone()]);
+            let sides = footprints.sides.each_ref().map(|side| &side[own.clone()]);
+            leaves(self.isa, (piece.shape, piece.shift), self.lut.source_size(), centre, sides, &mut flags);
+        }
         let (piece, mut next) = (*piece, 0);
         std::iter::from_fn(move || {
             let first = next;
@@ -251,7 +259,7 @@ impl<T: Bilinear> Job<'_, T> {
         &self,
         lattice: Lattice,
         (level, first_row): (&ImageView<'_, T>, u32),
-        footprints: &Footprints<'_>,
+        footprints: &Footprints,
         cell: usize,
         values: &mut [T],
         scratch: &mut Scratch<T>,
@@ -291,22 +299,6 @@ impl<T: Bilinear> Job<'_, T> {
         if count > 1 {
             T::finish(self.isa, count, is_lean(shape), sums, values);
         }
-    }
-}
-
-/// Tells neighbouring valid cells, from left to right.
-fn valid_runs<'a>(segments: impl Iterator<Item = Segment<'a>>, mut tell: impl FnMut(Range<usize>)) {
-    let mut valid = 0..0;
-    for Segment { kind, first, cells, .. } in segments {
-        if matches!(kind, RunKind::Inside | RunKind::Rim) {
-            valid.start = if valid.end == first { valid.start } else { first };
-            valid.end = first + cells;
-        } else if !valid.is_empty() {
-            tell(std::mem::replace(&mut valid, 0..0));
-        }
-    }
-    if !valid.is_empty() {
-        tell(valid);
     }
 }
 

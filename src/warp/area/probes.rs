@@ -36,7 +36,7 @@ impl Lattice {
     }
 
     /// The taps of one probe of neighbouring footprints, none of which may be clipped.
-    pub(super) fn taps(self, isa: Isa, probe: (u8, u8), cells: &Footprints<'_>, first: usize, taps: &mut [Tap]) {
+    pub(super) fn taps(self, isa: Isa, probe: (u8, u8), cells: &Footprints, first: usize, taps: &mut [Tap]) {
         let range = first..first + taps.len();
         let sides = cells.sides.each_ref().map(|side| &side[range.clone()]);
         let centre = cells.centre.each_ref().map(|axis| &axis[range.clone()]);
@@ -45,11 +45,13 @@ impl Lattice {
         taps_of_cells(isa, self, self.offsets(probe), centre, sides, taps);
     }
 
-    /// The probes of a piece of a row, for kernels that find them themselves.
-    pub(super) fn probes<'a>(self, cells: &'a Footprints<'_>, plan: &RowPlan<'a>, piece: &Piece) -> Probes<'a> {
+    /// The probes of a piece of a row, whose cells have these taps on a source of this width: for kernels that find them
+    /// themselves.
+    pub(super) fn probes<'a>(self, plan: &RowPlan<'a>, piece: &Piece, taps: &'a [Tap], width: u32) -> Probes<'a> {
         let (blocks, first) = plan.blocks(piece);
         Probes {
-            at: cells.at(first),
+            taps,
+            source_width: width,
             blocks,
             width: plan.width,
             row: plan.row,
@@ -69,7 +71,7 @@ impl Lattice {
     }
 
     /// Where a probe of one footprint is on the source, 1/1024 pixel.
-    pub(super) fn position(self, probe: (u8, u8), cells: &Footprints<'_>, cell: usize) -> [i32; 2] {
+    pub(super) fn position(self, probe: (u8, u8), cells: &Footprints, cell: usize) -> [i32; 2] {
         let offsets = self.offsets(probe);
         [0, 1].map(|axis| {
             let sides = [axis, 2 + axis].map(|side| i32::from(cells.sides[side][cell]));

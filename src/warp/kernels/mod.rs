@@ -92,9 +92,9 @@ pub(crate) type RowKernel<T> = fn(&Source<'_, T>, &[Tap], &mut [T]);
 /// Neighbouring footprints that are averaged alike, and where their probes lie: at centre + along a + down d, for each
 /// of the offsets a along one side of the footprint and d along the other.
 pub(crate) struct Probes<'a> {
-    /// Column and row on the source where each cell samples, 1/1024 pixel, from the first cell of the first block to the
-    /// end of the last one.
-    pub(crate) at: [&'a [i32]; 2],
+    /// Where each cell samples, on a source of this width: as [`RunKind::Inside`](crate::lut::table::RunKind) says.
+    pub(crate) taps: &'a [Tap],
+    pub(crate) source_width: u32,
     /// What the sides of their footprints are.
     pub(crate) blocks: &'a [Block],
     pub(crate) width: Width,

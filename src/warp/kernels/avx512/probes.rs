@@ -5,7 +5,6 @@
 //! holds 4 i + 2 and 4 i + 3. So they come from [`gather`] by packing, and so bytes are packed in their order.
 
 use std::arch::x86_64::*;
-use std::ops::Range;
 
 use super::all_within;
 use super::bytes::{Reach, Weights, gather, load_window, near, planar, wide};
@@ -32,12 +31,20 @@ pub(in crate::warp::kernels) fn probes_u8<const CHANNELS: usize>(
     let width = source.image.width();
     let (basis, finish) = (BasisPairs::new(probes.width.basis()), Finish::new(probes));
     let columns = probes.width.columns();
-    let (mut rest, mut lanes) = (cells, probes.skip..columns);
-    for (index, block) in probes.blocks.iter().enumerate() {
-        lanes.end = columns.min(lanes.start + rest.len() / CHANNELS);
-        let cells;
+    let (mut taps, mut rest, mut lanes) = (probes.taps, cells, probes.skip..columns);
+    for block in probes.blocks {
+        lanes.end = columns.min(lanes.start + taps.len());
+        let (own, cells);
+        (own, taps) = taps.split_at(lanes.len());
         (cells, rest) = rest.split_at_mut(lanes.len() * CHANNELS);
-        let group = Group::load(probes, &basis, index, block, lanes.clone(), width);
+        let group = match own.first_chunk() {
+            Some(own) => Group::load(probes, &basis, block, own, width),
+            // of other lanes than those that are asked for the nearest of these
+            None => {
+                let own = std::array::from_fn(|lane| own[lane.clamp(lanes.start, lanes.end - 1) - lanes.start]);
+                Group::load(probes, &basis, block, &own, width)
+            }
+        };
         let sums = match (&plane, reach) {
             (Some(plane), Some(reach)) => sum::<CHANNELS>(plane, reach, probes, &group),
             _ => None,
@@ -60,25 +67,30 @@ struct Group {
 }
 
 impl Group {
-    /// The footprints of a block; those of other lanes than `wanted` are as the nearest of these.
+    /// The footprints of a row of a block, whose cells have these taps.
     #[inline]
     #[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512vbmi,avx512vnni")]
-    fn load(
-        probes: &Probes<'_>,
-        basis: &BasisPairs,
-        index: usize,
-        block: &Block,
-        wanted: Range<usize>,
-        width: usize,
-    ) -> Self {
-        let centre = |axis: usize| {
-            let sixteen: &[i32; LANES] =
-                probes.at[axis][probes.width.columns() * index..].first_chunk().expect("rows go on");
-            // SAFETY: sixteen lanes are 64 bytes.
-            let sixteen = unsafe { _mm512_loadu_si512(sixteen.as_ptr().cast()) };
-            _mm512_sub_epi32(sixteen, _mm512_set1_epi32(probes.origin[axis] - i32::from(block.offset[axis])))
+    fn load(probes: &Probes<'_>, basis: &BasisPairs, block: &Block, taps: &[Tap; LANES], width: usize) -> Self {
+        let taps = super::Group::load(taps);
+        // the row is the whole part of (offset + 0.5) / width, see `Strided::inverse_width`
+        let inverse = _mm512_set1_pd(1.0 / f64::from(probes.source_width));
+        let row_of = |eight: __m256i| {
+            let middle = _mm512_add_pd(_mm512_cvtepu32_pd(eight), _mm512_set1_pd(0.5));
+            _mm512_cvttpd_epi32(_mm512_mul_pd(middle, inverse))
         };
-        let (mut centre, mut sides) = ([centre(0), centre(1)], [_mm512_setzero_si512(); 2]);
+        let row = _mm512_inserti64x4::<1>(
+            _mm512_castsi256_si512(row_of(_mm512_castsi512_si256(taps.offsets))),
+            row_of(_mm512_extracti64x4_epi64::<1>(taps.offsets)),
+        );
+        let rows = _mm512_mullo_epi32(row, _mm512_set1_epi32(probes.source_width as i32));
+        let column = _mm512_sub_epi32(taps.offsets, rows);
+        // 15 bits of fraction, as 10
+        let fraction = |fraction: __m512i| _mm512_and_si512(fraction, _mm512_set1_epi32(0x3ff));
+        let x = _mm512_or_si512(_mm512_slli_epi32::<10>(column), fraction(_mm512_srli_epi32::<5>(taps.fractions)));
+        let y = _mm512_or_si512(_mm512_slli_epi32::<10>(row), fraction(_mm512_srli_epi32::<21>(taps.fractions)));
+        let origin = |axis: usize| _mm512_set1_epi32(probes.origin[axis] - i32::from(block.offset[axis]));
+        let centre = [_mm512_sub_epi32(x, origin(0)), _mm512_sub_epi32(y, origin(1))];
+        let mut sides = [_mm512_setzero_si512(); 2];
         // more than half of the cells of 10 cm have one probe, which is in the middle
         let [has_along, has_down] = probes.offsets.map(|offsets| offsets.len() > 1);
         if has_along | has_down {
@@ -90,14 +102,6 @@ impl Group {
                 if has_down {
                     *side = _mm512_or_si512(*side, _mm512_slli_epi32::<16>(basis.side(coefficients, 2 + axis)));
                 }
-            }
-        }
-        if wanted.len() < LANES {
-            let all = _mm512_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
-            let (first, last) = (_mm512_set1_epi32(wanted.start as i32), _mm512_set1_epi32(wanted.end as i32 - 1));
-            let lanes = _mm512_max_epi32(_mm512_min_epi32(all, last), first);
-            for vector in centre.iter_mut().chain(&mut sides) {
-                *vector = _mm512_permutexvar_epi32(lanes, *vector);
             }
         }
         Self { centre, sides, width: _mm512_set1_epi32(width as i32) }
