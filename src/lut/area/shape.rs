@@ -92,7 +92,7 @@ fn body(largest: [u32; 2], sides: [&[f32]; 4], shapes: &mut [u32]) {
     const SHORTEST: [f32; 2] = [1.2, 0.6];
     /// These, times this where the footprint fills this part of its bounding box or less, and more the more it fills.
     const ACROSS: (f32, f32) = (0.5, 0.6);
-    const MORE: f32 = 6.0;
+    const MORE: f32 = 7.0;
     /// Where the road is seen from so far above that footprints are no longer slivers, all cells near the camera are as
     /// good as the source allows, and lattices and boxes show: they are finer by this there, see [`steepness`].
     const STEEP: f32 = 8.0;
@@ -125,7 +125,7 @@ fn body(largest: [u32; 2], sides: [&[f32]; 4], shapes: &mut [u32]) {
         let box_x = power(log(target(chord_x, chord_y, SHORTEST[0])));
         let box_y = power(log(target(chord_y, chord_x, SHORTEST[1])));
         let probes =
-            |x: f32, y: f32| smaller(larger(larger(x / box_x + 0.5, y / box_y + 0.85), 1.0), MAX_PROBES) as i32;
+            |x: f32, y: f32| smaller(larger(larger(x / box_x + 0.5, y / box_y + 0.75), 1.0), MAX_PROBES) as i32;
         let (along, down) = (probes(ax, ay), probes(bx, by));
         // the boxes that fit what the lattice leaves between its probes
         let left = |a: f32, b: f32| larger(larger(a / along as f32, b / down as f32), 1.0);
