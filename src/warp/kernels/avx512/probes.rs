@@ -7,7 +7,7 @@
 use std::arch::x86_64::*;
 
 use super::all_within;
-use super::bytes::{Reach, Weights, gather, load_window, near, planar, wide};
+use super::bytes::{Reach, Weights, gather, load_widest, load_window, near, planar, wide, widest};
 use crate::cpu::Isa;
 use crate::lut::area::Block;
 use crate::lut::area::block::{Basis, LANES};
@@ -202,6 +202,9 @@ fn sum<const CHANNELS: usize>(
             } else if in_reach(128) && base as isize <= reach.wide {
                 let rows = load_window::<2>(plane, base);
                 pairs_of_planar(planar::<CHANNELS>(&weights, distances, |index| wide(&rows, index)))
+            } else if in_reach(256) && base as isize <= reach.widest {
+                let rows = load_widest(plane, base);
+                pairs_of_planar(planar::<CHANNELS>(&weights, distances, |index| widest(&rows, index)))
             } else if reach.gathered < 0 || !all_within(positions, reach.gathered as i32) {
                 return None;
             } else {
