@@ -23,6 +23,7 @@ use std::sync::{Arc, Mutex, OnceLock};
 pub(crate) use block::Block;
 use block::{ROWS, Width};
 pub(crate) use build::check_sides;
+use needs::Columns;
 pub(crate) use reach::leaves;
 pub(crate) use rows::{Coordinates, Sides};
 pub(crate) use shape::Shape;
@@ -156,7 +157,7 @@ pub(crate) struct Level {
     /// The first row that is kept; of the others, as many as `columns` has entries.
     pub(crate) first_row: u32,
     /// The columns of each row that probes touch.
-    pub(crate) columns: Vec<Range<u32>>,
+    pub(crate) columns: Vec<Columns>,
 }
 
 impl Level {

@@ -88,7 +88,9 @@ impl<'a, T: Sample + Average> Levels<'a, T> {
         parallel::for_each(threads, jobs, |(level, chunk, rows)| {
             let mut scratch = Scratch::new(isa, image, level);
             for (index, out) in (chunk * CHUNK_ROWS..).zip(rows.chunks_mut(row(level))) {
-                scratch.row(level.first_row as usize + index, level.columns[index].clone(), out);
+                for columns in level.columns[index].0.clone() {
+                    scratch.row(level.first_row as usize + index, columns, out);
+                }
             }
         });
         let view = |(level, samples): (&'a Level, &'a mut [T])| {
