@@ -119,7 +119,11 @@ def _broken_json(document: Document) -> str:
 
 
 def load(
-    path: str | os.PathLike[str], image_size: Sequence[int] | None = None, camera: str | int | None = None
+    path: str | os.PathLike[str],
+    image_size: Sequence[int] | None = None,
+    camera: str | int | None = None,
+    *,
+    lens: str | None = None,
 ) -> Camera:
     """Read a calibration file of any known format.
 
@@ -133,6 +137,9 @@ def load(
         Width and height in pixels, for formats that do not hold them. Where the file does, the two must agree.
     camera : str or int, optional
         Which camera, where the file holds several: a name or a number, as the format has it.
+    lens : str, optional
+        Which lens, where an OpenCV file does not say it: "fisheye", "brown_conrady", "omnidir" or "pinhole"; see
+        `ipm_rs.calibration.opencv.read`.
 
     Returns
     -------
@@ -144,7 +151,8 @@ def load(
     CalibrationError
         The format is not known, the content is wrong, or something that the file lacks was not given.
     ArgumentError
-        `camera` was given, and the file holds one camera only.
+        `camera` was given, and the file holds one camera only; `lens` was given, and the format states the lens, or it
+        is needed.
     FileError, MissingFileError
         The file cannot be read.
     """
@@ -158,6 +166,12 @@ def load(
                 f"camera: expected none, since a {module.TITLE} file holds one camera, got {camera!r}; drop it"
             )
         options["camera"] = camera
+    if lens is not None:
+        if "lens" not in accepted:
+            raise ArgumentError(
+                f"lens: expected none, since a {module.TITLE} file leaves no choice, got {lens!r:.60}; drop it"
+            )
+        options["lens"] = lens
     if image_size is not None and "image_size" in accepted:
         options["image_size"] = image_size
     result = module.read(path, **options)
