@@ -87,6 +87,7 @@ def recognise(path: str | os.PathLike[str]) -> str:
     document = open_document(path, "")
     if not document.is_directory:
         _ = document.data  # a file that cannot be read is no matter of formats
+    problem = _problem(document)
     tried = []
     for name in FORMATS:
         try:
@@ -95,26 +96,31 @@ def recognise(path: str | os.PathLike[str]) -> str:
             raise
         except CalibrationError as error:
             lacks = str(error).removeprefix(f"{document.origin}: ")
+            lacks = "not text" if lacks == problem else lacks  # said once is enough
         except FileError as error:  # a directory, where a format has one file
             lacks = "a directory" if document.is_directory else str(error)
         if lacks is None:
             return name
         tried.append(f"\n  {name}: {lacks}")
     raise CalibrationError(
-        f"{document.origin}: expected a calibration of a known format, got one of none{_broken_json(document)}; "
+        f"{document.origin}: expected a calibration of a known format, got one of none"
+        f"{f' ({problem})' if problem else ''}; "
         "call Camera.from_<format> to learn what is wrong with a file, or build Camera(K, ...) yourself; tried"
         + "".join(tried)
     )
 
 
-def _broken_json(document: Document) -> str:
-    """Say where a file breaks that begins like JSON."""
+def _problem(document: Document) -> str:
+    """Say what is wrong with a file of whatever format: no text, or JSON that breaks off; empty if nothing."""
     try:
-        if document.is_directory or document.text.lstrip()[:1] not in ("{", "["):
+        if document.is_directory:
             return ""
-        _ = document.json
+        if not document.text.strip():
+            return "it is empty"
+        if document.text.lstrip()[:1] in ("{", "["):
+            _ = document.json
     except CalibrationError as error:
-        return f" ({str(error).removeprefix(f'{document.origin}: ')})"
+        return str(error).removeprefix(f"{document.origin}: ")
     return ""
 
 

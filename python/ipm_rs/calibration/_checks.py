@@ -63,8 +63,8 @@ def _is_huge(value: Any) -> bool:
 
 
 def listed(words: Iterable[str], limit: int = 12) -> str:
-    """Words in a message, quoted; a long list is cut."""
-    every = [repr(word if len(word) <= 40 else word[:37] + "...") for word in words]
+    """Words in a message, quoted; a long list is cut. A token of 64 digits is not, so that it can be passed on."""
+    every = [repr(word if len(word) <= 64 else word[:61] + "...") for word in words]
     rest = len(every) - limit
     return ", ".join(every[:limit]) + (f" and {rest} more" if rest > 0 else "") if every else "none"
 
