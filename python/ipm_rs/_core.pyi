@@ -662,7 +662,7 @@ class Camera:
         *,
         camera: str | int | None = None,
         image_size: Sequence[int] | None = None,
-        lens: Literal["brown_conrady", "fisheye", "omnidir"] | None = None,
+        lens: Literal["brown_conrady", "fisheye", "omnidir", "pinhole"] | None = None,
         extrinsics: str | PathLike[str] | Mapping[str, Any] | None = None,
         rectified: bool = False,
         camera_from_vehicle: ArrayLike | None = None,
@@ -676,7 +676,8 @@ class Camera:
             source: file, or a mapping of its matrices, under any of the usual names.
             camera: 1 or "left", 2 or "right" of a stereo pair.
             image_size: (width, height), if the file lacks it.
-            lens: which module of OpenCV made the file; needed for four coefficients, which may be either.
+            lens: which module of OpenCV made the file; needed for four coefficients, which may be either. "pinhole" for a
+                file without coefficients, or images that `cv2.undistort` made.
             extrinsics: second file of a stereo calibration (R, T, R1, P1, ...).
             rectified: whether the images of the pair are rectified (R1, P1; R2, P2).
             camera_from_vehicle: (4, 4) pose of the first camera, in place of the file's rvec and tvec.
@@ -685,7 +686,7 @@ class Camera:
             metres_per_unit: length of the unit of tvec and T.
 
         Raises:
-            CalibrationError: a matrix is missing, ambiguous or cannot be right.
+            CalibrationError: a matrix is missing, ambiguous or cannot be right, or there are no coefficients.
             ArgumentError: `lens` or `camera` is needed or wrong; poses are given twice.
             FileError, MissingFileError: a file cannot be read.
             MissingExtraError: PyYAML is not installed.
@@ -735,7 +736,12 @@ class Camera:
         """
     @classmethod
     def load(
-        cls, path: str | PathLike[str], image_size: Sequence[int] | None = None, camera: str | int | None = None
+        cls,
+        path: str | PathLike[str],
+        image_size: Sequence[int] | None = None,
+        camera: str | int | None = None,
+        *,
+        lens: Literal["brown_conrady", "fisheye", "omnidir", "pinhole"] | None = None,
     ) -> Camera:
         """A camera from a calibration file (or a dataset's directory) whose format is recognised.
 
@@ -747,11 +753,13 @@ class Camera:
             image_size: (width, height) in pixels, for formats that do not hold it; where the file does, the two must
                 agree.
             camera: which one, where the file holds several: a name or a number, as the format has it.
+            lens: which, where an OpenCV file does not say it; see `from_opencv`.
 
         Raises:
             CalibrationError: no format fits (the message lists what was tried and what each lacked), the content cannot
                 be right, or something that the file lacks was not given.
-            ArgumentError: `camera` was given for a file that holds one only.
+            ArgumentError: `camera` was given for a file that holds one only, or `lens` for one that states it; `lens`
+                is needed.
             FileError, MissingFileError: the file cannot be read.
             MissingExtraError: the format needs PyYAML or pyarrow, which are not installed.
         """

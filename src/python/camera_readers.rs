@@ -53,7 +53,7 @@ impl PyCamera {
 // A test holds the signatures against those of the functions.
 readers! {
     /// A camera from a calibration file whose format is recognised.
-    load "(path, image_size=None, camera=None)" => "" "load";
+    load "(path, image_size=None, camera=None, *, lens=None)" => "" "load";
     /// A camera from a Cityscapes camera file or dict.
     from_cityscapes "(source, *, image_size=(2048, 1024))" => ".cityscapes" "read";
     /// A camera from a KITTI calibration file: object, tracking, odometry, road.

@@ -142,12 +142,12 @@ pub(super) fn whole(name: &str, object: &Bound<'_, PyAny>) -> PyResult<u32> {
     match object.extract::<i64>() {
         Ok(number) if !is_bool => u32::try_from(number).map_err(|_| {
             ArgumentError::new_err(format!(
-                "{name}: expected a whole number of pixels, from 0 to 2^32 - 1, got {number}"
+                "{name}: expected a whole number of pixels, from 0 to 2^32 - 1, got {number}; correct it"
             ))
         }),
         _ => {
             let got = if object.extract::<f64>().is_ok() { object.to_string() } else { type_name(object) };
-            Err(ArgumentTypeError::new_err(format!("{name}: expected a whole number, got {got}")))
+            Err(ArgumentTypeError::new_err(format!("{name}: expected a whole number, got {got}; give an int")))
         }
     }
 }
@@ -162,7 +162,9 @@ pub(super) fn flag(name: &str, object: &Bound<'_, PyAny>) -> PyResult<bool> {
 /// (width, height).
 pub(super) fn size(name: &str, object: &Bound<'_, PyAny>) -> PyResult<(u32, u32)> {
     let refuse = |got: String| {
-        ArgumentTypeError::new_err(format!("{name}: expected (width, height), two whole numbers, got {got}"))
+        ArgumentTypeError::new_err(format!(
+            "{name}: expected (width, height), two whole numbers, got {got}; give them as in (1920, 1080)"
+        ))
     };
     if is_text(object) {
         return Err(refuse(type_name(object)));
@@ -171,7 +173,7 @@ pub(super) fn size(name: &str, object: &Bound<'_, PyAny>) -> PyResult<(u32, u32)
     match items.as_slice() {
         [width, height] => Ok((whole(name, width)?, whole(name, height)?)),
         _ => Err(ArgumentError::new_err(format!(
-            "{name}: expected (width, height), two whole numbers, got {} of them",
+            "{name}: expected (width, height), two whole numbers, got {} of them; give them as in (1920, 1080)",
             items.len()
         ))),
     }

@@ -109,6 +109,40 @@ def test_no_known_format(data, tmp_path):
         ipm_rs.Camera.load(path)
 
 
+@pytest.mark.parametrize(
+    ("data", "said"),
+    [
+        (b"", ["(it is empty)"]),
+        (b"\x89PNG\r\n", ["(expected text in UTF-8, got byte 0x89", "kitti: not text", "opencv: not text"]),
+        (b"1 0 0\n0 1 0\n0 0 1\n", ["kitti: no line P0:, P1:, P2:, P3:", "kitti_raw: no line R_rect_00:"]),
+        (b'[{"a": 1}]', ["ros: no [image] section", "kitti_360: no line S_rect_00:"]),
+        (b'{\n"a": [\n1,\n2\n],\n"b": [\n3]\n}', ["json: no key 'format'", "kitti: no line P0:"]),
+        (b'{"value0": {"intrinsics": []}}', ["kalibr: basalt's calibration.json"]),
+        (b"[" + b"1,\n" * 2000 + b"1]", ["kitti: too long a file", "kitti_raw: too long a file"]),
+    ],
+    ids=["empty", "picture", "matrix", "list", "object", "basalt", "table"],
+)
+def test_every_reason_is_of_its_own_format(data, said, tmp_path):
+    """A line never asks to mend what the format has nothing to do with, and what is wrong for all is said once."""
+    path = tmp_path / "file.txt"
+    path.write_bytes(data)
+    with pytest.raises(errors.CalibrationError) as caught:
+        ipm_rs.Camera.load(path)
+    head, *reasons = str(caught.value).splitlines()
+    assert len(reasons) == len(calibration.FORMATS)
+    for phrase in said:
+        assert any(phrase in line for line in (head, *reasons)), phrase
+    for line in reasons:
+        assert "; " not in line and "once" not in line, line
+
+
+def test_lens_is_for_formats_that_do_not_state_it(tmp_path):
+    for sample in SAMPLES.values():
+        if sample.format != "opencv":
+            with refuses(errors.ArgumentError, "lens: expected none", "leaves no choice", "'fisheye'", "drop it"):
+                ipm_rs.Camera.load(sample.write(tmp_path), **sample.options, lens="fisheye")
+
+
 def test_no_known_format_in_a_directory(tmp_path):
     with refuses(errors.CalibrationError, str(tmp_path), "tried", "cityscapes: a directory"):
         ipm_rs.Camera.load(tmp_path)

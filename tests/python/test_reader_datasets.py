@@ -220,6 +220,8 @@ def test_real_nuscenes_files(shared_data):
             camera = ipm_rs.Camera.load(path, image_size=(1920, 1080), camera=row["token"])
             np.testing.assert_allclose(camera.position, row["translation"], rtol=0, atol=1e-12)
             assert abs(camera.vehicle_from_camera[2, 2]) < 0.2, "Lyft's cameras look along the road"
+    with refuses(errors.ArgumentError, *(repr(row["token"]) for row in table if row["camera_intrinsic"])):
+        ipm_rs.Camera.load(path)  # tokens in full, to be passed on
 
 
 def test_real_nuscenes_sample_agrees_with_matrices(shared_data):

@@ -167,7 +167,7 @@ def test_old_name_and_openvins_header(tmp_path):
 def test_which_camera():
     with refuses(errors.ArgumentError, "camera: expected one of 'cam0', 'cam1', 'cam2'", "None"):
         kalibr.read(CHAIN)
-    for wrong in ("cam7", 3, True, "1"):
+    for wrong in ("cam7", 3, True, "1", [], np.zeros(2)):
         with refuses(errors.ArgumentError, "camera: expected one of", "cam0"):
             kalibr.read(CHAIN, camera=wrong)
 
@@ -186,7 +186,15 @@ def test_which_camera():
         ({"camera_model": "ds", "intrinsics": [1, 2, 3, 4]}, ["cam0.intrinsics", "6 numbers", "got 4"]),
         ({"intrinsics": [458.0, 457.0, 367.0]}, ["cam0.intrinsics", "4 numbers", "got 3"]),
         ({"intrinsics": [458.0, float("inf"), 367.0, 248.0]}, ["cam0.intrinsics[1]", "inf"]),
-        ({"intrinsics": [0.0, 457.0, 367.0, 248.0]}, ["cam0"]),
+        ({"intrinsics": [0.0, 457.0, 367.0, 248.0]}, ["cam0", "is the camera calibrated?"]),
+        (
+            {"camera_model": "ds", "intrinsics": [3, 0.5, 1, 1, 0, 0], "distortion_model": "none"},
+            ["cam0.distortion_coeffs", "0 numbers, got 4"],
+        ),
+        (
+            {**NONE, "camera_model": "ds", "intrinsics": [3, 0.5, 1, 1, 0, 0]},
+            ["cam0: DoubleSphere: xi: expected", "got 3; correct it"],
+        ),
         ({"distortion_coeffs": [0.1] * 5}, ["cam0.distortion_coeffs", "4 numbers", "got 5"]),
         ({"resolution": [752.5, 480]}, ["cam0.resolution", "752.5"]),
         ({"resolution": [752]}, ["cam0.resolution", "2 numbers"]),

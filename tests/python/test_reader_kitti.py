@@ -196,6 +196,30 @@ def test_line_twice_and_broken_number(tmp_path):
         kitti.read(path, image_size=SIZE)
 
 
+def test_line_twice_is_said_by_load_too(tmp_path):
+    """A file with a flaw is still of its format: no list of what the other formats lack."""
+    path = tmp_path / "000000.txt"
+    data = SAMPLES["kitti object"].files["000000.txt"]
+    path.write_bytes(data + data[: data.index(b"\n") + 1])
+    with refuses(errors.CalibrationError, f"{path}: expected the key 'P0' once, got it again in line 9"):
+        ipm_rs.Camera.load(path, image_size=SIZE)
+
+
+def test_a_number_cut_short_is_not_another_number(tmp_path):
+    """Twelve numbers, of which the last, 2.7 of 2.718000000000e-01, would put the camera metres away."""
+    path = tmp_path / "000000.txt"
+    data = SAMPLES["kitti object"].files["000000.txt"]
+    end = data.index(b"\n", data.index(b"Tr_velo_to_cam"))
+    for cut in range(1, 19):
+        path.write_bytes(data[: end - cut])
+        for read in (ipm_rs.Camera.load, kitti.read):
+            with refuses(errors.CalibrationError, str(path), "line 6", "fetch it again"):
+                read(path, image_size=SIZE)
+    expected = kitti.read(SAMPLES["kitti object"].write(tmp_path / "whole"), image_size=SIZE)
+    path.write_bytes(data[:end])  # whole, and no more than the end of the line is missing
+    assert kitti.read(path, image_size=SIZE) == expected
+
+
 def test_what_the_file_lacks_must_be_given(tmp_path):
     path = SAMPLES["kitti object"].write(tmp_path)
     with refuses(errors.CalibrationError, str(path), "image_size", "1242x375"):
@@ -332,6 +356,16 @@ def test_360_fisheye_as_old_opencv_writes_it(tmp_path):
     expected = ipm_rs.Camera.from_kitti_360(path)
     path.write_bytes(path.read_bytes().replace(b": ", b":") + b"# end\n")
     assert ipm_rs.Camera.load(path) == expected
+
+
+def test_360_fisheye_cut_short_within_its_last_number(tmp_path):
+    path = SAMPLES["kitti-360 fisheye"].write(tmp_path)
+    data = path.read_bytes().rstrip()
+    assert data.endswith(b"v0: 7.0576498308221585e+02")
+    for cut in (1, 4, 15):
+        path.write_bytes(data[:-cut])
+        with refuses(errors.CalibrationError, str(path), "complete numbers", "fetch it again"):
+            ipm_rs.Camera.load(path)
 
 
 def test_360_camera_of_its_own_file(tmp_path):

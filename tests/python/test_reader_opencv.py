@@ -52,11 +52,18 @@ def test_every_form(form, tmp_path):
     "name", ["camera_matrix", "cameraMatrix", "Camera_Matrix", "K", "intrinsic_matrix", "mtx", "M"]
 )
 @pytest.mark.parametrize(
-    "coefficients", ["distortion_coefficients", "Distortion_Coefficients", "dist_coeffs", "distCoeffs", "D", "dist"]
+    "coefficients",
+    [
+        *("distortion_coefficients", "Distortion_Coefficients", "distortion_coeffs", "distortionCoefs", "distortion"),
+        *("dist_coeffs", "distCoeffs", "dist_coef", "dist", "D"),
+    ],
 )
-def test_names(name, coefficients):
+def test_names(name, coefficients, tmp_path):
     whole = {name: K.tolist(), coefficients: D.reshape(1, 5).tolist()[0], "imageSize": [640, 480]}
     assert opencv.read(whole) == opencv.read(content())
+    path = tmp_path / "camera.yaml"
+    path.write_text("".join(f"{key}: {value}\n" for key, value in whole.items()))
+    assert ipm_rs.Camera.load(path) == opencv.read(whole)
 
 
 def test_lists_written_by_hand(tmp_path):
@@ -108,7 +115,9 @@ FOUR = [-0.04, 0.02, -0.026, 0.008]
     ("changes", "options", "lens"),
     [
         ({}, {}, ipm_rs.BrownConrady(D)),
-        ({"distortion_coefficients": None}, {}, None),
+        ({"distortion_coefficients": None}, {"lens": "pinhole"}, None),
+        ({}, {"lens": "pinhole"}, None),
+        ({"distortion_coefficients": FOUR, "distortion_model": "fisheye"}, {"lens": "pinhole"}, None),
         ({"distortion_coefficients": np.zeros((5, 1))}, {}, None),
         ({"distortion_coefficients": np.zeros(4)}, {}, None),
         ({"distortion_coefficients": np.zeros(4)}, {"lens": "fisheye"}, ipm_rs.KannalaBrandt([0, 0, 0, 0])),
@@ -125,6 +134,33 @@ FOUR = [-0.04, 0.02, -0.026, 0.008]
 )
 def test_lenses(changes, options, lens):
     assert opencv.read(content(**changes), **options).lens == lens
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{}, {"kc": D.tolist()}, {"lens_distortion": D}, {"distortion_model": "radtan"}, {"camera_model": "fisheye"}],
+    ids=lambda changes: next(iter(changes), "none"),
+)
+def test_coefficients_that_are_not_found_are_no_pinhole(changes, tmp_path):
+    """Under a name that nobody knows, or cut off: the picture would be bent, and nothing would say so."""
+    with refuses(errors.CalibrationError, "expected distortion_coefficients", "missing among", "lens='pinhole'"):
+        opencv.read(content(distortion_coefficients=None, **changes))
+    pair = {"M1": K, "M2": K, "D1": D, "size": SIZE, "R": np.eye(3), "T": [-1, 0, 0]}
+    assert opencv.read(pair, camera=1).lens == ipm_rs.BrownConrady(D)
+    with refuses(errors.CalibrationError, "of camera 2, missing", "distortion_coefficients2"):
+        opencv.read(pair, camera=2)
+
+
+def test_load_takes_the_lens_that_the_file_lacks(tmp_path):
+    path = tmp_path / "front.yaml"
+    store(path, content(distortion_coefficients=np.array(FOUR)))
+    with refuses(errors.ArgumentError, str(path), "lens='fisheye' if cv2.fisheye", "lens='brown_conrady' if"):
+        ipm_rs.Camera.load(path)
+    assert ipm_rs.Camera.load(path, lens="fisheye").lens == ipm_rs.KannalaBrandt(FOUR)
+    assert ipm_rs.Camera.load(path, lens="brown_conrady").lens == ipm_rs.BrownConrady(FOUR)
+    assert ipm_rs.Camera.load(path, lens="pinhole").lens is None
+    with refuses(errors.ArgumentError, "lens: expected one of", "'wide'"):
+        ipm_rs.Camera.load(path, lens="wide")
 
 
 def test_four_coefficients_are_not_guessed():
@@ -259,6 +295,8 @@ def test_what_is_refused(changes, phrases):
 def test_arguments(pair):
     with refuses(errors.ArgumentError, "lens: expected one of", "'wide'"):
         opencv.read(content(), lens="wide")
+    with refuses(errors.ArgumentError, "lens: expected one of", "['fisheye']"):
+        opencv.read(content(), lens=["fisheye"])
     with refuses(errors.ArgumentError, "lens: expected 'fisheye'", "distortion_model"):
         opencv.read(content(distortion_model="fisheye", distortion_coefficients=FOUR), lens="brown_conrady")
     with refuses(errors.ArgumentError, "camera: expected none", "'left'"):

@@ -221,7 +221,9 @@ INI = samples.ROS_INI.decode()
         (INI.replace("[image]", "[picture]"), ["missing image_width"]),
         (INI + "[narrow_stereo/left]\n", ["[narrow_stereo/left] again"]),
         (INI + "projection\n1\n", ["'projection' again"]),
-        (INI[: INI.index("distortion")], ["missing distortion_coefficients"]),
+        (INI[: INI.index("distortion")], ["missing 'distortion', 'rectification', 'projection'", "cut short"]),
+        (INI[: INI.index("rectification")], ["missing 'rectification', 'projection'", "cut short"]),
+        (INI.replace("-0.361976 0.110510 0.001014 0.000505 0.000000\n", ""), ["distortion", "got 0"]),
         (INI.replace("438.783367", "0").replace("437.302876", "0"), ["uncalibrated"]),
     ],
 )
@@ -230,6 +232,30 @@ def test_ini_that_is_refused(text, phrases, tmp_path):
     path.write_text(text)
     with refuses(errors.CalibrationError, str(path), *phrases):
         ros.read(path)
+
+
+def test_ini_of_eight_coefficients_cut_after_five(tmp_path):
+    """Five are another model's count: the file would be read, with a lens that it never had."""
+    path = tmp_path / "ost.txt"
+    eight = "0.18 -0.018 -0.0006 0.00005 -0.0002 0.54 -0.027 0.001"
+    text = INI.replace("-0.361976 0.110510 0.001014 0.000505 0.000000", eight)
+    path.write_text(text)
+    assert len(ros.read(path).lens.coefficients) == 8
+    path.write_text(text[: text.index(" 0.54")])
+    with refuses(errors.CalibrationError, str(path), "narrow_stereo/left", "missing", "cut short"):
+        ipm_rs.Camera.load(path)
+
+
+@pytest.mark.parametrize("camera", [[], {}, 3, np.zeros(2)], ids=lambda camera: type(camera).__name__)
+def test_camera_of_another_type(camera, tmp_path):
+    path = tmp_path / "ost.txt"
+    path.write_text(INI)
+    with refuses(errors.ArgumentError, str(path), "camera: expected one of", "narrow_stereo/left"):
+        ros.read(path, camera=camera)
+    with refuses(errors.ArgumentError, "camera: expected 'left'"):
+        ros.read(content(), camera=camera)
+    with refuses(errors.ArgumentError, "image: expected"):
+        ros.read(content(), image=camera)
 
 
 json_values = st.recursive(

@@ -244,7 +244,7 @@ def test_colmap_pose(model):
         ("1 PINHOLE 640.5 480 500 500 320 240", ["line 3", "640.5"]),
         ("1 PINHOLE 640", ["line 3", "height"]),
         ("1", ["line 3", "one word"]),
-        ("1 PINHOLE 640 480 500 500 320 240\n1 PINHOLE 640 480 500 500 320 240", ["line 4", "twice"]),
+        ("1 PINHOLE 640 480 500 500 320 240\n1 PINHOLE 640 480 500 500 320 240", ["line 4", "every camera once"]),
         ("# nothing", ["found none"]),
     ],
 )

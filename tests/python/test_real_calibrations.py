@@ -112,9 +112,10 @@ def test_matlab(files):
 def test_fisheyes(shared_data, name):
     path = shared_data / "fisheye_surround" / f"{name}.yaml"
     assert calibration.recognise(path) == "opencv"
-    with pytest.raises(ipm_rs.errors.ArgumentError, match="lens="):
+    with pytest.raises(ipm_rs.errors.ArgumentError, match="pass lens='fisheye'"):
         ipm_rs.Camera.load(path)
     camera = ipm_rs.Camera.from_opencv(path, lens="fisheye")
+    assert ipm_rs.Camera.load(path, lens="fisheye") == camera
     assert camera.image_size == (960, 640)
     check(camera, parse_storage(path.read_text(), name)["dist_coeffs"], fisheye=True)
 

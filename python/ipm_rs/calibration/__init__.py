@@ -87,6 +87,7 @@ def recognise(path: str | os.PathLike[str]) -> str:
     document = open_document(path, "")
     if not document.is_directory:
         _ = document.data  # a file that cannot be read is no matter of formats
+    problem = _problem(document)
     tried = []
     for name in FORMATS:
         try:
@@ -95,31 +96,40 @@ def recognise(path: str | os.PathLike[str]) -> str:
             raise
         except CalibrationError as error:
             lacks = str(error).removeprefix(f"{document.origin}: ")
+            lacks = "not text" if lacks == problem else lacks  # said once is enough
         except FileError as error:  # a directory, where a format has one file
             lacks = "a directory" if document.is_directory else str(error)
         if lacks is None:
             return name
         tried.append(f"\n  {name}: {lacks}")
     raise CalibrationError(
-        f"{document.origin}: expected a calibration of a known format, got one of none{_broken_json(document)}; "
+        f"{document.origin}: expected a calibration of a known format, got one of none"
+        f"{f' ({problem})' if problem else ''}; "
         "call Camera.from_<format> to learn what is wrong with a file, or build Camera(K, ...) yourself; tried"
         + "".join(tried)
     )
 
 
-def _broken_json(document: Document) -> str:
-    """Say where a file breaks that begins like JSON."""
+def _problem(document: Document) -> str:
+    """Say what is wrong with a file of whatever format: no text, or JSON that breaks off; empty if nothing."""
     try:
-        if document.is_directory or document.text.lstrip()[:1] not in ("{", "["):
+        if document.is_directory:
             return ""
-        _ = document.json
+        if not document.text.strip():
+            return "it is empty"
+        if document.text.lstrip()[:1] in ("{", "["):
+            _ = document.json
     except CalibrationError as error:
-        return f" ({str(error).removeprefix(f'{document.origin}: ')})"
+        return str(error).removeprefix(f"{document.origin}: ")
     return ""
 
 
 def load(
-    path: str | os.PathLike[str], image_size: Sequence[int] | None = None, camera: str | int | None = None
+    path: str | os.PathLike[str],
+    image_size: Sequence[int] | None = None,
+    camera: str | int | None = None,
+    *,
+    lens: str | None = None,
 ) -> Camera:
     """Read a calibration file of any known format.
 
@@ -133,6 +143,9 @@ def load(
         Width and height in pixels, for formats that do not hold them. Where the file does, the two must agree.
     camera : str or int, optional
         Which camera, where the file holds several: a name or a number, as the format has it.
+    lens : str, optional
+        Which lens, where an OpenCV file does not say it: "fisheye", "brown_conrady", "omnidir" or "pinhole"; see
+        `ipm_rs.calibration.opencv.read`.
 
     Returns
     -------
@@ -144,7 +157,8 @@ def load(
     CalibrationError
         The format is not known, the content is wrong, or something that the file lacks was not given.
     ArgumentError
-        `camera` was given, and the file holds one camera only.
+        `camera` was given, and the file holds one camera only; `lens` was given, and the format states the lens, or it
+        is needed.
     FileError, MissingFileError
         The file cannot be read.
     """
@@ -158,6 +172,12 @@ def load(
                 f"camera: expected none, since a {module.TITLE} file holds one camera, got {camera!r}; drop it"
             )
         options["camera"] = camera
+    if lens is not None:
+        if "lens" not in accepted:
+            raise ArgumentError(
+                f"lens: expected none, since a {module.TITLE} file leaves no choice, got {lens!r:.60}; drop it"
+            )
+        options["lens"] = lens
     if image_size is not None and "image_size" in accepted:
         options["image_size"] = image_size
     result = module.read(path, **options)

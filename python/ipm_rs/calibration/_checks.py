@@ -63,8 +63,8 @@ def _is_huge(value: Any) -> bool:
 
 
 def listed(words: Iterable[str], limit: int = 12) -> str:
-    """Words in a message, quoted; a long list is cut."""
-    every = [repr(word if len(word) <= 40 else word[:37] + "...") for word in words]
+    """Words in a message, quoted; a long list is cut. A token of 64 digits is not, so that it can be passed on."""
+    every = [repr(word if len(word) <= 64 else word[:61] + "...") for word in words]
     rest = len(every) - limit
     return ", ".join(every[:limit]) + (f" and {rest} more" if rest > 0 else "") if every else "none"
 
@@ -237,14 +237,19 @@ def pinhole(fx: float, fy: float, cx: float, cy: float, skew: float = 0.0) -> Ma
 
 @contextmanager
 def blame(origin: str) -> Iterator[None]:
-    """Put the file's name before whatever a camera or a lens made in the block finds wrong; NumPy warns of nothing."""
+    """Put the file's name before whatever a camera or a lens made in the block finds wrong; NumPy warns of nothing.
+
+    What only says which number cannot be is told to be corrected: here it stands in a file.
+    """
     try:
         with np.errstate(all="ignore"):
             yield
     except (CalibrationError, ArgumentError, ArgumentTypeError) as error:
-        if str(error).startswith(origin):
+        place = "" if str(error).startswith(origin) else f"{origin}: "
+        mend = "" if "; " in str(error) or str(error).endswith("?") else "; correct it"
+        if not place and not mend:
             raise
-        raise type(error)(f"{origin}: {error}") from error
+        raise type(error)(f"{place}{error}{mend}") from error
 
 
 # ---------------------------------------------------------------------------------------------------------------------

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -10,12 +11,28 @@ from ipm_rs.calibration._checks import Section
 from ipm_rs.calibration._files import Document, Source, open_document
 from ipm_rs.errors import CalibrationError
 
-__all__ = ["MAX_LINES", "Files", "key_lines", "nested_lines"]
+__all__ = ["MAX_LINES", "Files", "key_lines", "lines_missing", "nested_lines"]
 
 MAX_LINES = 1000
 """Of a calibration file; those of KITTI have 8 to 40."""
 
 _MAX_BYTES = 1 << 20
+
+_SCIENTIFIC = re.compile(r"[0-9]\.[0-9]+e[+-][0-9]+")
+
+
+def lines_missing(document: Document, *keys: str) -> str | None:
+    """Say which lines ``KEY:`` a file lacks, None if it has them all: most of a recogniser.
+
+    What stands in the lines is for the reader, and so is a line that is there twice.
+    """
+    lines = document.text.splitlines()
+    if len(lines) > MAX_LINES or len(document.data) > _MAX_BYTES:
+        return "too long a file"
+    words = [line.replace(":", " ", 1).split(maxsplit=1) for line in lines]
+    there = {first for first, *_ in filter(None, words)}
+    lacks = [f"{key}:" for key in keys if key not in there]
+    return f"no line {', '.join(lacks)}" if lacks else None
 
 
 def key_lines(document: Document) -> Section:
@@ -25,7 +42,9 @@ def key_lines(document: Document) -> Section:
     begins with a number has the key "".
     """
     found: dict[str, Any] = {}
-    for row, line in enumerate(_lines(document), 1):
+    lines = _lines(document)
+    _check_end(document, lines, lines[-1].split() if lines else [])
+    for row, line in enumerate(lines, 1):
         key, *values = line.replace(":", ": ", 1).split() or ("", "")
         if not line.strip():
             continue
@@ -46,7 +65,9 @@ def nested_lines(document: Document) -> Section:
     """
     found: dict[str, Any] = {}
     inner: dict[str, Any] = {}
-    for row, line in enumerate(_lines(document), 1):
+    lines = _lines(document)
+    _check_end(document, lines, [line.partition(":")[2].strip() for line in lines])
+    for row, line in enumerate(lines, 1):
         bare = line.split("#", 1)[0].strip()
         if not bare or bare.startswith(("%", "---")):
             continue
@@ -75,6 +96,22 @@ def _lines(document: Document) -> list[str]:
             f"{document.origin}: expected at most {MAX_LINES} lines, got {len(lines)}; pass the calibration alone"
         )
     return lines
+
+
+def _check_end(document: Document, lines: list[str], words: list[str]) -> None:
+    """Refuse a file that ends within a number: 2.7 of 2.718000000000e-01, which would be read as it stands.
+
+    It shows only where the two before have an exponent and as many digits as each other, as the datasets print them.
+    """
+    if len(words) < 3 or document.text.endswith(("\n", "\r")):
+        return
+    first, second, last = (word.lstrip("-") for word in words[-3:])
+    alike = _SCIENTIFIC.fullmatch(first) and _SCIENTIFIC.fullmatch(second) and len(first) == len(second)
+    if alike and len(last) < len(second):
+        raise CalibrationError(
+            f"{document.origin}: line {len(lines)}: expected complete numbers, got {words[-1]!r:.40}, the beginning of "
+            "one; the file may be cut short, fetch it again"
+        )
 
 
 def _token(text: str) -> float | str:

@@ -15,7 +15,7 @@ from ipm_rs.errors import ArgumentError, CalibrationError
 
 __all__ = ["looks_like_ini", "parse_ini"]
 
-_SECTION = re.compile(r"^\[([^\[\]]{1,200})\]$")
+_SECTION = re.compile(r"^\[([^\[\]{}\"]{1,200})\]$")  # and no list of JSON
 _NAMES = {
     "camera matrix": "camera_matrix",
     "distortion": "distortion_coefficients",
@@ -37,7 +37,7 @@ def parse_ini(text: str, origin: str, camera: str | None = None) -> dict[str, An
     Raises
     ------
     CalibrationError
-        A line is out of place, or the number of coefficients belongs to no model.
+        A line is out of place, a matrix is missing, or the number of coefficients belongs to no model.
     ArgumentError
         There is no such camera, or more than one and none is named.
     """
@@ -48,25 +48,29 @@ def parse_ini(text: str, origin: str, camera: str | None = None) -> dict[str, An
         raise CalibrationError(
             f"{origin}: expected a section with 'camera matrix', found none; pass the camera's .ini file"
         )
-    if camera not in cameras:
+    if not isinstance(camera, str) or camera not in cameras:
         raise ArgumentError(
             f"{origin}: camera: expected one of {listed(cameras)}, got {camera!r:.60}; say which to read"
+        )
+    # ROS writes all four; a file that ends within the distortion may still have as many numbers as another model takes.
+    lacks = [repr(name) for name in _NAMES if name not in cameras[camera]]
+    if lacks:
+        raise CalibrationError(
+            f"{origin}: {camera}: expected {', '.join(map(repr, _NAMES))}, missing {', '.join(lacks)}; the file may be "
+            "cut short, fetch it again"
         )
     content: dict[str, Any] = {"camera_name": camera}
     for key, numbers in image.items():
         if key in ("width", "height"):
             content[f"image_{key}"] = numbers[0] if len(numbers) == 1 else numbers
-    for key, numbers in cameras[camera].items():
-        if key in _NAMES:
-            content[_NAMES[key]] = numbers
-    coefficients = content.get("distortion_coefficients", [])
-    if coefficients and len(coefficients) not in _MODELS:
+    content |= {name: cameras[camera][key] for key, name in _NAMES.items()}
+    coefficients = content["distortion_coefficients"]
+    if len(coefficients) not in _MODELS:
         raise CalibrationError(
             f"{origin}: {camera}: distortion: expected 5 numbers (plumb_bob) or 8 (rational_polynomial), got "
             f"{len(coefficients)}; an INI file does not name its model, use the YAML form for others"
         )
-    if coefficients:
-        content["distortion_model"] = _MODELS[len(coefficients)]
+    content["distortion_model"] = _MODELS[len(coefficients)]
     return content
 
 

@@ -79,8 +79,13 @@ def parse_yaml(text: str, origin: str) -> Any:
         return _Builder(yaml, events, origin).document()
     except yaml.YAMLError as error:
         problem = getattr(error, "problem", None) or getattr(error, "reason", None) or "cannot be parsed"
+        where = _where(getattr(error, "problem_mark", None))
+        if "nesting depth" in problem:  # libyaml looks ahead, and has a limit of its own
+            raise CalibrationError(
+                f"{origin}: expected at most {MAX_DEPTH} levels, got more{where}; no calibration file nests so deep"
+            ) from error
         raise CalibrationError(
-            f"{origin}: expected YAML, got text that is not{_where(getattr(error, 'problem_mark', None))}: {problem}; "
+            f"{origin}: expected YAML, got text that is not{where}: {problem}; "
             "the file may be cut short or of another format, fetch it again"
         ) from error
 

@@ -86,7 +86,7 @@ def missing(document: Document) -> str | None:
     directory = _directory(document)
     lacks = [f"{name}.feather" for name in (_INTRINSICS, _POSES) if not (directory / f"{name}.feather").is_file()]
     if lacks:
-        return f"no {' and no '.join(lacks)} there"
+        return f"no {' and no '.join(lacks)} {'in' if document.is_directory else 'beside'} it"
     if not document.is_directory and document.path.stem not in (_INTRINSICS, _POSES):
         return "another file's name"
     return None

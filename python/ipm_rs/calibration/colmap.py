@@ -178,7 +178,9 @@ def _choose_camera(document: Document, camera: int | str | None) -> tuple[int, l
                 "the file may be cut short, fetch it again"
             )
         if words[0] in cameras:
-            raise CalibrationError(f"{document.origin}: line {line}: camera {words[0]!r:.40} is there twice; keep one")
+            raise CalibrationError(
+                f"{document.origin}: line {line}: expected every camera once, got {words[0]!r:.40} again; keep one"
+            )
         cameras[words[0]] = line, words
     if not cameras:
         raise CalibrationError(f"{document.origin}: expected a camera, found none; pass cameras.txt, the text model")

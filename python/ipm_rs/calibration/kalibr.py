@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from ipm_rs._core import BrownConrady, Camera, DoubleSphere, Eucm, KannalaBrandt, Mei
 from ipm_rs.calibration._checks import OPTICAL_FROM_FLU, Section, blame, inverse, listed, pinhole, rigid
-from ipm_rs.calibration._files import Document, Source, open_document, same_size
+from ipm_rs.calibration._files import Document, Source, keys_missing, open_document, same_size
 from ipm_rs.calibration._mount import rigid_argument
 from ipm_rs.calibration._yaml import parse_yaml
 from ipm_rs.errors import ArgumentError, CalibrationError
@@ -54,6 +54,8 @@ Matrix = NDArray[np.float64]
 
 def missing(document: Document) -> str | None:
     """Say what a document lacks to be of this format; None if nothing."""
+    if keys_missing(document, "value0.intrinsics") is None:
+        return "basalt's calibration.json, whose numbers stand in another order"
     if re.search(r"^[ \t]*cam[0-9]+[ \t]*:", document.text, re.MULTILINE) is None:
         return "no section cam0"
     return None if "camera_model" in document.text else "no key 'camera_model'"
@@ -158,11 +160,11 @@ def _choose(names: list[str], camera: str | int | None, origin: str) -> str:
             raise ArgumentError(f"{origin}: camera: expected one of {listed(names)}, got None; say which to read")
         return names[0]
     name = f"cam{camera}" if isinstance(camera, (int, np.integer)) and not isinstance(camera, bool) else camera
-    if name not in names:
+    if not isinstance(name, str) or name not in names:
         raise ArgumentError(
             f"{origin}: camera: expected one of {listed(names)}, got {camera!r:.60}; choose one of them"
         )
-    return str(name)
+    return name
 
 
 def _distortion(section: Section, model: str) -> Matrix:

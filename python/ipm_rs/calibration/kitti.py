@@ -39,7 +39,7 @@ import numpy as np
 from ipm_rs._core import Camera
 from ipm_rs.calibration._checks import OPTICAL_FROM_FLU, Matrix, Section, blame, describe, inverse, listed, rigid
 from ipm_rs.calibration._files import Document, Source, needs_size, open_document
-from ipm_rs.calibration._lines import key_lines
+from ipm_rs.calibration._lines import key_lines, lines_missing
 from ipm_rs.errors import ArgumentError, ArgumentTypeError, CalibrationError
 
 __all__ = ["TITLE", "Frame", "camera_number", "missing", "projection", "read"]
@@ -104,9 +104,7 @@ def read(
 
 def missing(document: Document) -> str | None:
     """Say what a document lacks to be of this format."""
-    place = key_lines(document)
-    lacks = [key for key in ("P0", "P1", "P2", "P3") if len(place.content.get(key, ())) != 12]
-    return f"no line of 12 numbers {', '.join(f'{key}:' for key in lacks)}" if lacks else None
+    return lines_missing(document, "P0", "P1", "P2", "P3")
 
 
 def projection(place: Section, key: str) -> tuple[Matrix, Matrix]:

@@ -27,7 +27,7 @@ import numpy as np
 from ipm_rs._core import Camera, Mei
 from ipm_rs.calibration._checks import Matrix, Section, blame, image_size, inverse, pinhole, rigid
 from ipm_rs.calibration._files import Document, Source
-from ipm_rs.calibration._lines import Files, key_lines, nested_lines
+from ipm_rs.calibration._lines import Files, lines_missing, nested_lines
 from ipm_rs.calibration.kitti import camera_number, one_of, projection
 
 __all__ = ["TITLE", "Frame", "missing", "read"]
@@ -95,19 +95,14 @@ def read(source: Source, *, camera: int | str | None = None, frame: Frame = "vel
 def missing(document: Document) -> str | None:
     """Say what a document lacks to be of this format."""
     if document.is_directory:
-        lacks = [name for name in (_PERSPECTIVE, _TO_POSE) if not (document.path / name).is_file()]
-        return f"no {' and no '.join(lacks)} in it" if lacks else None
+        absent = [name for name in (_PERSPECTIVE, _TO_POSE) if not (document.path / name).is_file()]
+        return f"no {' and no '.join(absent)} in it" if absent else None
     if document.path.suffix == ".yaml":
-        place = nested_lines(document)
-        lacks = [
-            key for key in ("mirror_parameters", "distortion_parameters", "projection_parameters") if key not in place
-        ]
-        return f"no {', '.join(lacks)}" if lacks else None
-    place = key_lines(document)
-    lacks = [key for key in ("S_rect_00", "R_rect_00", "P_rect_00") if key not in place]
-    if not lacks and "P_rect_02" in place:
-        return "a line P_rect_02:, so KITTI's raw data"
-    return f"no line {', '.join(f'{key}:' for key in lacks)}" if lacks else None
+        return lines_missing(document, "mirror_parameters", "distortion_parameters", "projection_parameters")
+    lacks = lines_missing(document, "S_rect_00", "R_rect_00", "P_rect_00")
+    if lacks is None and lines_missing(document, "P_rect_02") is None:
+        lacks = "a line P_rect_02:, so KITTI's raw data"
+    return lacks
 
 
 def _fisheye(place: Section) -> tuple[tuple[int, int], Matrix, Mei]:

@@ -28,7 +28,7 @@ import numpy as np
 from ipm_rs._core import BrownConrady, Camera
 from ipm_rs.calibration._checks import OPTICAL_FROM_FLU, Matrix, Section, blame, image_size, inverse, rigid
 from ipm_rs.calibration._files import Document, Source
-from ipm_rs.calibration._lines import Files, key_lines
+from ipm_rs.calibration._lines import Files, lines_missing
 from ipm_rs.calibration.kitti import camera_number, one_of, projection
 
 __all__ = ["TITLE", "Frame", "missing", "read"]
@@ -95,9 +95,7 @@ def missing(document: Document) -> str | None:
     """Say what a document lacks to be of this format."""
     if document.is_directory:
         return None if (document.path / _CAMERAS).is_file() else f"no {_CAMERAS} in it"
-    place = key_lines(document)
-    lacks = [key for key in ("R_rect_00", "P_rect_00", "K_00", "P_rect_02") if key not in place]
-    return f"no line {', '.join(f'{key}:' for key in lacks)}" if lacks else None
+    return lines_missing(document, "R_rect_00", "P_rect_00", "K_00", "P_rect_02")
 
 
 def _pose(files: Files, frame: Frame, rectification: Matrix) -> Matrix:

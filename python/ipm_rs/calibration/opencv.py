@@ -7,7 +7,8 @@ underscores:
 what           names
 =============  ====================================================================================================
 K (3x3)        ``camera_matrix, cameraMatrix, intrinsic_matrix, intrinsics, mtx, K, M``
-distortion     ``distortion_coefficients, dist_coeffs, dist_coeff, distortion, dist, D``
+distortion     ``distortion_coefficients, distortion_coeffs, distortion, dist_coeffs, dist_coefs, dist, D``, or one
+               coefficient less: ``dist_coeff``
 size           ``image_width`` and ``image_height``, or two numbers ``image_size, resolution, frame_size, size``
 pose           ``rvec`` (3 numbers or a 3x3 rotation) and ``tvec``
 stereo         K and D with ``1`` or ``2``, ``left`` or ``right`` at the end or the start (``M1, D1, K_left``); ``R, T``
@@ -17,6 +18,8 @@ rectified      ``R1, P1, R2, P2``
 * Distortion is Brown-Conrady (4, 5, 8, 12 or 14 terms in OpenCV's order) for ``cv2.calibrateCamera``, k1..k4 for
   ``cv2.fisheye``, and with ``xi`` for ``cv2.omnidir``. **Four numbers alone may be either of the first two**: then
   ``lens=`` must say which, unless the file does (``distortion_model``, ``camera_model``, ``model``, ``fisheye_model``).
+  A file without any is refused, because they may be there under another name: ``lens="pinhole"`` says that there are
+  none, or that the images went through ``cv2.undistort``, which keeps K.
 * ``rvec, tvec`` take points of the user's world (often a chessboard) to the camera's optical axes (x right, y down,
   z forward). That world is taken for the vehicle frame; ``vehicle_from_world=`` and ``metres_per_unit=`` correct that.
   OpenCV's lengths are in the unit of the board's squares.
@@ -37,6 +40,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ipm_rs._core import BrownConrady, Camera, KannalaBrandt, Mei
+from ipm_rs.calibration import kalibr
 from ipm_rs.calibration._checks import blame, describe, inverse, listed, matrix, numbers, rigid, rotation, whole
 from ipm_rs.calibration._checks import image_size as checked_size
 from ipm_rs.calibration._files import Document, Source, open_document, same_size
@@ -52,7 +56,11 @@ __all__ = ["missing", "read"]
 TITLE = "OpenCV"
 
 _K = ("cameramatrix", "intrinsicmatrix", "intrinsics", "mtx", "k", "m")
-_D = ("distortioncoefficients", "distcoeffs", "distcoeff", "distortion", "dist", "d")
+_D = (
+    "distortioncoefficients",
+    *(word + ending for word in ("distortion", "dist") for ending in ("coeffs", "coeff", "coefs", "coef", "")),
+    "d",
+)
 _SIZE = ("imagesize", "resolution", "framesize", "size")
 _MODEL = ("distortionmodel", "cameramodel", "modeltype", "model", "fisheyemodel")
 _SIDES = {"1": ("1", "left"), "2": ("2", "right")}
@@ -64,7 +72,7 @@ _LENSES = {
 _COUNTS = {"brown_conrady": (0, 4, 5, 8, 12, 14), "fisheye": (4,), "omnidir": (4, 5)}
 
 # Where a name may have an underscore: camera_matrix, dist_coeffs.
-_SYLLABLE = re.compile("camera|intrinsic|matrix|distortion|dist|coefficients|coeffs?|intrinsics|mtx|[a-z]")
+_SYLLABLE = re.compile("camera|intrinsic|matrix|distortion|dist|coefficients|coeff?s?|intrinsics|mtx|[a-z]")
 
 Matrix = NDArray[np.float64]
 
@@ -77,6 +85,8 @@ def missing(document: Document) -> str | None:
         return "no opencv-matrix"
     if not written and ("projection_matrix" in text or "rectification_matrix" in text):
         return "projection_matrix, so ROS's"
+    if not written and kalibr.missing(document) is None:
+        return "a section cam0, so Kalibr's"
     if "mirror_parameters" in text:
         return "mirror_parameters, so KITTI-360's"
     return None if _has_key(text, _K) else "no camera_matrix"
@@ -96,7 +106,7 @@ def read(
     *,
     camera: str | int | None = None,
     image_size: tuple[int, int] | None = None,
-    lens: Literal["brown_conrady", "fisheye", "omnidir"] | None = None,
+    lens: Literal["brown_conrady", "fisheye", "omnidir", "pinhole"] | None = None,
     extrinsics: Source | None = None,
     rectified: bool = False,
     camera_from_vehicle: ArrayLike | None = None,
@@ -116,6 +126,7 @@ def read(
         Width and height in pixels; needed if the file lacks them, and must agree if it has them.
     lens : str, optional
         "brown_conrady", "fisheye" or "omnidir", the module of OpenCV that made the file; needed where it is not clear.
+        "pinhole": no lens, for images that ``cv2.undistort`` made, or a file that has no coefficients.
     extrinsics : str, path or mapping, optional
         The second file of a stereo calibration, with ``R, T, R1, P1, ...``.
     rectified : bool
@@ -144,8 +155,10 @@ def read(
     MissingExtraError
         PyYAML is not installed.
     """
-    if lens is not None and lens not in _LENSES:
-        raise ArgumentError(f"lens: expected one of {listed(_LENSES)}, got {lens!r:.60}; name OpenCV's module")
+    if lens is not None and (not isinstance(lens, str) or lens not in (*_LENSES, "pinhole")):
+        raise ArgumentError(
+            f"lens: expected one of {listed((*_LENSES, 'pinhole'))}, got {lens!r:.60}; name OpenCV's module"
+        )
     values = _Named(source, extrinsics)
     side = _side(values, camera)
     size = _size(values, image_size)
@@ -344,21 +357,28 @@ def _rectified(values: _Named, side: str | None) -> tuple[Matrix, Matrix]:
 
 
 def _lens(values: _Named, side: str | None, lens: str | None) -> BrownConrady | KannalaBrandt | Mei | None:
+    if lens == "pinhole":
+        return None
     stated = _stated(values)
     xi = next(iter(_find(values, ("xi",), side)), None)
     if lens is not None and stated is not None and lens != stated[0]:
         raise ArgumentError(f"lens: expected {stated[0]!r}, which {stated[1]} states, got {lens!r}; drop the argument")
     kind = lens or (stated[0] if stated else None) or ("omnidir" if xi is not None else None)
     found = _find(values, _D, side)
-    if not found and kind in (None, "brown_conrady"):
-        return None
+    if not found:
+        of = "" if side is None else f" of camera {side}"
+        raise CalibrationError(
+            f"{values.origin}: expected distortion_coefficients{of}, missing among {listed(values.spelled)}; rename "
+            f"them to distortion_coefficients{side or ''}, or pass lens='pinhole' if there are none"
+        )
     value, where = _one(values, _D, side, "distortion_coefficients")
     coefficients = numbers(_flat(value), where)
     if kind is None:
         if len(coefficients) == 4 and coefficients.any():
             raise ArgumentError(
                 f"{where}: lens: expected 'brown_conrady' (k1, k2, p1, p2) or 'fisheye' (k1 to k4), got None and four "
-                "numbers that may be either; pass lens= to Camera.from_opencv()"
+                "numbers that may be either; pass lens='fisheye' if cv2.fisheye made them, or lens='brown_conrady' if "
+                "cv2.calibrateCamera did"
             )
         kind = "brown_conrady"
     coefficients = numbers(coefficients, f"{where} ({kind})", _COUNTS[kind])

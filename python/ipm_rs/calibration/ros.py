@@ -114,7 +114,7 @@ def read(
     MissingExtraError
         PyYAML is not installed.
     """
-    if image not in ("raw", "rectified"):
+    if not isinstance(image, str) or image not in ("raw", "rectified"):
         raise ArgumentError(f"image: expected 'raw' or 'rectified', got {image!r:.60}; say which images will be warped")
     section = _content(source, camera)
     section.require("width", "height", *(("R", "P") if image == "rectified" else ("K", "D")))
@@ -167,7 +167,7 @@ def _content(source: Any, camera: str | None) -> Section:
                     f"{origin}: expected keys such as camera_matrix, got {describe(content)}; "
                     "pass the camera's YAML file"
                 )
-    if camera is not None and content.get("camera_name") != camera:
+    if camera is not None and (not isinstance(camera, str) or content.get("camera_name") != camera):
         raise ArgumentError(
             f"{origin}: camera: expected {content.get('camera_name')!r:.60}, the only one there, got {camera!r:.60}; "
             "leave it out"
