@@ -1,10 +1,9 @@
 //! Points to pixels, many at once.
 
-use nalgebra::Vector3;
-
-use super::kernels::{self, ProjectPinhole};
+use super::kernels::{self, ProjectLens, ProjectPinhole};
 use super::{PointSample, PointsView};
-use crate::camera::{Camera, Projection};
+use crate::camera::Camera;
+use crate::camera::lens::each_distort;
 use crate::cpu::Isa;
 use crate::error::{Error, Result};
 use crate::parallel;
@@ -58,16 +57,10 @@ pub(super) fn project_chunk<T: PointSample>(
     /// Points that lie otherwise than one after the other are brought together, so many at a time.
     const TOGETHER: usize = 256;
     let count = out.uv.len();
-    if camera.lens().is_some() {
-        for i in 0..count {
-            let row = points.row(first + i);
-            let point = Vector3::new(row[0].to_f64(), row[1].to_f64(), row[2].to_f64());
-            Projection { pixel: out.uv[i], depth: out.depth[i], valid: out.valid[i] } = camera.project(&point);
-        }
-    } else if let Some(points) = points.chunks::<3>(first, count) {
-        project_pinhole(isa, camera, points, out);
+    if let Some(points) = points.chunks::<3>(first, count) {
+        project_dense(isa, camera, points, out);
     } else if let Some(points) = points.chunks::<4>(first, count) {
-        project_pinhole(isa, camera, points, out);
+        project_dense(isa, camera, points, out);
     } else {
         let mut together = [[T::default(); 3]; TOGETHER];
         let outs = out.uv.chunks_mut(TOGETHER).zip(out.depth.chunks_mut(TOGETHER)).zip(out.valid.chunks_mut(TOGETHER));
@@ -75,12 +68,12 @@ pub(super) fn project_chunk<T: PointSample>(
             for (i, point) in together[..uv.len()].iter_mut().enumerate() {
                 point.copy_from_slice(&points.row(start + i)[..3]);
             }
-            project_pinhole(isa, camera, &together[..uv.len()], Projections { uv, depth, valid });
+            project_dense(isa, camera, &together[..uv.len()], Projections { uv, depth, valid });
         }
     }
 }
 
-fn project_pinhole<T: PointSample, const S: usize>(
+fn project_dense<T: PointSample, const S: usize>(
     isa: Isa,
     camera: &Camera,
     points: &[[T; S]],
@@ -98,17 +91,40 @@ fn project_pinhole<T: PointSample, const S: usize>(
         depth,
         valid,
     };
-    kernels::run(isa, body);
+    match camera.lens() {
+        None => kernels::run(isa, body),
+        Some(lens) => each_distort!(lens, lens => kernels::run(isa, ProjectLens { lens, pinhole: body })),
+    }
 }
 
 #[cfg(test)]
 mod tests {
+    use nalgebra::Vector3;
+
     use super::*;
-    use crate::camera::Pinhole;
+    use crate::camera::{BrownConrady, DoubleSphere, Eucm, KannalaBrandt, Lens, Mei, Ocam, Pinhole, RadialPolynomial};
 
     fn camera() -> Camera {
         let model = Pinhole::new(800.3, 700.7, 320.5, 239.5, 3.25).unwrap();
         Camera::from_euler(model, (640, 480), [1.5, -0.25, 1.25], 0.01, 0.07, -0.3).unwrap()
+    }
+
+    /// One without and one with every lens, in every form that its loop takes.
+    fn cameras() -> Vec<Camera> {
+        let brown = [-0.25, 0.08, 1e-3, -2e-3, -0.01, 0.1, 0.02, 1e-3, 3e-3, 1e-3, -2e-3, 2e-3, 0.03, -0.04];
+        let mut lenses: Vec<Lens> =
+            [5, 8, 12, 14].iter().map(|&n| BrownConrady::new(&brown[..n], None).unwrap().into()).collect();
+        lenses.extend::<[Lens; 7]>([
+            KannalaBrandt::new(&[0.02, -0.01, 3e-3, -1e-3], None).unwrap().into(),
+            Mei::new(1.2, &[-0.1, 0.05, 1e-3, 1e-3], None).unwrap().into(),
+            DoubleSphere::new(-0.2, 0.59, None).unwrap().into(),
+            DoubleSphere::new(0.97, 0.59, None).unwrap().into(),
+            Eucm::new(0.6, 1.1, None).unwrap().into(),
+            RadialPolynomial::new(&[1.0, -0.09, 0.14, -0.02], None).unwrap().into(),
+            Ocam::new(&[-1.0, 0.0, 0.3, -0.05, 0.02], [1.01, 0.02, -0.01], None).unwrap().into(),
+        ]);
+        let through = lenses.into_iter().map(|lens| camera().with_lens(Some(lens)));
+        std::iter::once(camera()).chain(through).collect()
     }
 
     /// Points all around, and the awkward ones.
@@ -131,13 +147,17 @@ mod tests {
 
     #[test]
     fn every_instruction_set_equals_one_point_at_a_time() {
-        let (camera, data) = (camera(), cloud());
+        let data = cloud();
         let bits = |pixel: [f64; 2], depth: f64, valid| {
             let bits = |number: f64| if number.is_nan() { u64::MAX } else { number.to_bits() };
             (pixel.map(bits), bits(depth), valid)
         };
         let backwards = PointsView::with_stride(&data, 20_011, 4, data.len() - 4, -4).unwrap();
-        for points in [PointsView::new(&data, 4).unwrap(), backwards] {
+        let packed = PointsView::new(&data[..3 * 20_011], 3).unwrap();
+        for (camera, points) in cameras()
+            .iter()
+            .flat_map(|camera| [PointsView::new(&data, 4).unwrap(), packed, backwards].map(|points| (camera, points)))
+        {
             let expected: Vec<_> = (0..points.len())
                 .map(|i| {
                     let row = points.row(i);
@@ -150,9 +170,9 @@ mod tests {
                 for (first, count) in [(0, points.len()), (3, 0), (5, 1), (11, 1023)] {
                     let (mut uv, mut depth, mut valid) = (vec![[0.0; 2]; count], vec![0.0; count], vec![false; count]);
                     let out = Projections { uv: &mut uv, depth: &mut depth, valid: &mut valid };
-                    project_chunk(isa, &camera, &points, first, out);
+                    project_chunk(isa, camera, &points, first, out);
                     let got: Vec<_> = (0..count).map(|i| bits(uv[i], depth[i], valid[i])).collect();
-                    assert!(got == expected[first..first + count], "{isa:?} {first} {count}");
+                    assert!(got == expected[first..first + count], "{:?} {isa:?} {first} {count}", camera.lens());
                 }
             }
         }

@@ -79,14 +79,49 @@ macro_rules! each_model {
     };
 }
 
+/// Calls `$body` with `$model` bound to a reference to what loops over many directions are made of: the models that branch
+/// by their parameters are split into ones that do not.
+macro_rules! each_distort {
+    ($lens:expr, $model:ident => $body:expr) => {{
+        use $crate::camera::lens::{Lens, Spheres, Terms};
+        macro_rules! with {
+            ($made:expr) => {{
+                let $model = $made;
+                $body
+            }};
+        }
+        match $lens {
+            Lens::BrownConrady(lens) => match lens.terms() {
+                5 => with!(&Terms::<5>(*lens)),
+                8 => with!(&Terms::<8>(*lens)),
+                12 => with!(&Terms::<12>(*lens)),
+                _ => with!(&Terms::<14>(*lens)),
+            },
+            Lens::KannalaBrandt(lens) => with!(lens),
+            Lens::Mei(lens) => with!(lens),
+            Lens::DoubleSphere(lens) if lens.is_near() => with!(&Spheres::<true>(*lens)),
+            Lens::DoubleSphere(lens) => with!(&Spheres::<false>(*lens)),
+            Lens::Eucm(lens) => with!(lens),
+            Lens::RadialPolynomial(lens) => with!(lens),
+            Lens::Ocam(lens) => with!(lens),
+        }
+    }};
+}
+pub(crate) use each_distort;
+
 impl Lens {
+    /// Whether a direction whose largest component is of size `largest` may be taken as it is: fourth powers of what is
+    /// larger or smaller would not be finite or not be numbers of full precision.
+    #[inline(always)]
+    pub(crate) fn takes(largest: f64) -> bool {
+        (1e-70..1e70).contains(&largest)
+    }
+
     /// The image of a direction of the camera frame (x right, y down, z forward), of any length: what K takes to pixels.
     /// `None` outside the domain.
     pub fn project(&self, direction: &Vector3<f64>) -> Option<[f64; 2]> {
         let largest = direction.amax();
-        // fourth powers of what is larger or smaller would not be finite or not be numbers of full precision
-        let sane = (1e-70..1e70).contains(&largest);
-        let ray = if sane { *direction } else { direction / largest };
+        let ray = if Self::takes(largest) { *direction } else { direction / largest };
         let (mx, my) = each_model!(self, model => model.distort(ray.x, ray.y, ray.z));
         (mx.is_finite() && my.is_finite()).then_some([mx, my])
     }

@@ -7,7 +7,7 @@ mod project;
 
 pub(super) use decode::{Decode, Encode};
 pub(super) use points::{PinholeRays, Planar, PointsRow, Rotate, Unit};
-pub(super) use project::ProjectPinhole;
+pub(super) use project::{ProjectLens, ProjectPinhole};
 
 pub(super) use crate::cpu::{Body, run};
 
