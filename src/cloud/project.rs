@@ -93,7 +93,9 @@ fn project_dense<T: PointSample, const S: usize>(
     };
     match camera.lens() {
         None => kernels::run(isa, body),
-        Some(lens) => each_distort!(lens, lens => kernels::run(isa, ProjectLens { lens, pinhole: body })),
+        Some(lens) => {
+            each_distort!(lens, lens: Model => kernels::run(isa, ProjectLens::<_, Model, S> { lens, pinhole: body }))
+        }
     }
 }
 

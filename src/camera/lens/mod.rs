@@ -79,31 +79,32 @@ macro_rules! each_model {
     };
 }
 
-/// Calls `$body` with `$model` bound to a reference to what loops over many directions are made of: the models that branch
-/// by their parameters are split into ones that do not.
+/// Calls `$body` with `$model` bound to a reference to what loops over many directions are made of, and `$Model` to its
+/// type: the models that branch by their parameters are split into ones that do not.
 macro_rules! each_distort {
-    ($lens:expr, $model:ident => $body:expr) => {{
+    ($lens:expr, $model:ident: $Model:ident => $body:expr) => {{
         use $crate::camera::lens::{Lens, Spheres, Terms};
         macro_rules! with {
-            ($made:expr) => {{
-                let $model = $made;
+            ($made:expr, $type:ty) => {{
+                type $Model = $type;
+                let $model: &$Model = $made;
                 $body
             }};
         }
         match $lens {
             Lens::BrownConrady(lens) => match lens.terms() {
-                5 => with!(&Terms::<5>(*lens)),
-                8 => with!(&Terms::<8>(*lens)),
-                12 => with!(&Terms::<12>(*lens)),
-                _ => with!(&Terms::<14>(*lens)),
+                5 => with!(&Terms::<5>(*lens), Terms<5>),
+                8 => with!(&Terms::<8>(*lens), Terms<8>),
+                12 => with!(&Terms::<12>(*lens), Terms<12>),
+                _ => with!(&Terms::<14>(*lens), Terms<14>),
             },
-            Lens::KannalaBrandt(lens) => with!(lens),
-            Lens::Mei(lens) => with!(lens),
-            Lens::DoubleSphere(lens) if lens.is_near() => with!(&Spheres::<true>(*lens)),
-            Lens::DoubleSphere(lens) => with!(&Spheres::<false>(*lens)),
-            Lens::Eucm(lens) => with!(lens),
-            Lens::RadialPolynomial(lens) => with!(lens),
-            Lens::Ocam(lens) => with!(lens),
+            Lens::KannalaBrandt(lens) => with!(lens, $crate::camera::KannalaBrandt),
+            Lens::Mei(lens) => with!(lens, $crate::camera::Mei),
+            Lens::DoubleSphere(lens) if lens.is_near() => with!(&Spheres::<true>(*lens), Spheres<true>),
+            Lens::DoubleSphere(lens) => with!(&Spheres::<false>(*lens), Spheres<false>),
+            Lens::Eucm(lens) => with!(lens, $crate::camera::Eucm),
+            Lens::RadialPolynomial(lens) => with!(lens, $crate::camera::RadialPolynomial),
+            Lens::Ocam(lens) => with!(lens, $crate::camera::Ocam),
         }
     }};
 }

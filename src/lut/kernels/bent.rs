@@ -3,8 +3,8 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::{Row, for_each_isa};
-use crate::camera::lens::{Distort, Spheres, Terms};
-use crate::camera::{Eucm, KannalaBrandt, Lens, Mei, Ocam, RadialPolynomial};
+use crate::camera::Lens;
+use crate::camera::lens::{Distort, each_distort};
 use crate::cpu::Isa;
 
 /// A row of points in the camera frame behind a lens: `(u, v) = K (lens(origin + offset), 1)`.
@@ -36,29 +36,9 @@ impl BentRow<'_> {
     /// Writes u and v for each point; NaN outside the lens's domain.
     pub(crate) fn fill(&self, isa: Isa, offsets: &Offsets, us: &mut [f64], vs: &mut [f64]) {
         let row = self;
-        macro_rules! with {
-            ($lens:expr, $model:ty) => {{
-                let lens = $lens;
-                for_each_isa!(isa, (body::<$model>, body::<$model>, body::<$model>)(
-                    row: &BentRow<'_>, lens: &$model, offsets: &Offsets, us: &mut [f64], vs: &mut [f64]
-                ))
-            }};
-        }
-        match self.lens {
-            Lens::BrownConrady(lens) => match lens.terms() {
-                5 => with!(&Terms::<5>(*lens), Terms<5>),
-                8 => with!(&Terms::<8>(*lens), Terms<8>),
-                12 => with!(&Terms::<12>(*lens), Terms<12>),
-                _ => with!(&Terms::<14>(*lens), Terms<14>),
-            },
-            Lens::KannalaBrandt(lens) => with!(lens, KannalaBrandt),
-            Lens::Mei(lens) => with!(lens, Mei),
-            Lens::DoubleSphere(lens) if lens.is_near() => with!(&Spheres::<true>(*lens), Spheres<true>),
-            Lens::DoubleSphere(lens) => with!(&Spheres::<false>(*lens), Spheres<false>),
-            Lens::Eucm(lens) => with!(lens, Eucm),
-            Lens::RadialPolynomial(lens) => with!(lens, RadialPolynomial),
-            Lens::Ocam(lens) => with!(lens, Ocam),
-        }
+        each_distort!(self.lens, lens: Model => for_each_isa!(isa, (body::<Model>, body::<Model>, body::<Model>)(
+            row: &BentRow<'_>, lens: &Model, offsets: &Offsets, us: &mut [f64], vs: &mut [f64]
+        )));
     }
 }
 
@@ -100,7 +80,10 @@ fn fill<L: Distort, const SKEW: bool>(row: &BentRow<'_>, lens: &L, offsets: &Off
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::camera::{BrownConrady, Camera, DoubleSphere, Pinhole};
+    use crate::camera::Lens;
+    use crate::camera::{
+        BrownConrady, Camera, DoubleSphere, Eucm, KannalaBrandt, Mei, Ocam, Pinhole, RadialPolynomial,
+    };
 
     fn lenses() -> Vec<Lens> {
         let bent = [0.1, 0.02, 1e-3, -2e-3, 3e-3, 0.2, 0.1, 0.01, 1e-3, 2e-3, -1e-3, 3e-4, 0.03, -0.05];

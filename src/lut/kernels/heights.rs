@@ -3,8 +3,8 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::for_each_isa;
-use crate::camera::lens::{Distort, Terms};
-use crate::camera::{DoubleSphere, Eucm, KannalaBrandt, Lens, Mei, Ocam, RadialPolynomial};
+use crate::camera::Lens;
+use crate::camera::lens::{Distort, each_distort};
 use crate::cpu::Isa;
 
 /// A row of points in the camera frame, `origin + across * y + up * z`: the row of a grid whose heights are given.
@@ -36,29 +36,15 @@ impl HeightsRow<'_> {
     /// Writes u and v for each y and z; NaN where the camera sees nothing and where z is NaN.
     pub(crate) fn fill(&self, isa: Isa, ys: &[f64], zs: &[f64], us: &mut [f64], vs: &mut [f64]) {
         let row = self;
-        macro_rules! with {
-            ($lens:expr, $model:ty) => {{
-                let lens = $lens;
-                for_each_isa!(isa, (body::<$model>, body::<$model>, body::<$model>)(
-                    row: &HeightsRow<'_>, lens: &$model, ys: &[f64], zs: &[f64], us: &mut [f64], vs: &mut [f64]
-                ))
-            }};
-        }
-        match self.lens {
-            None => with!(&Straight, Straight),
-            Some(Lens::BrownConrady(lens)) => match lens.terms() {
-                5 => with!(&Terms::<5>(*lens), Terms<5>),
-                8 => with!(&Terms::<8>(*lens), Terms<8>),
-                12 => with!(&Terms::<12>(*lens), Terms<12>),
-                _ => with!(&Terms::<14>(*lens), Terms<14>),
-            },
-            Some(Lens::KannalaBrandt(lens)) => with!(lens, KannalaBrandt),
-            Some(Lens::Mei(lens)) => with!(lens, Mei),
-            Some(Lens::DoubleSphere(lens)) => with!(lens, DoubleSphere),
-            Some(Lens::Eucm(lens)) => with!(lens, Eucm),
-            Some(Lens::RadialPolynomial(lens)) => with!(lens, RadialPolynomial),
-            Some(Lens::Ocam(lens)) => with!(lens, Ocam),
-        }
+        let Some(lens) = self.lens else {
+            let lens = &Straight;
+            return for_each_isa!(isa, (body::<Straight>, body::<Straight>, body::<Straight>)(
+                row: &HeightsRow<'_>, lens: &Straight, ys: &[f64], zs: &[f64], us: &mut [f64], vs: &mut [f64]
+            ));
+        };
+        each_distort!(lens, lens: Model => for_each_isa!(isa, (body::<Model>, body::<Model>, body::<Model>)(
+            row: &HeightsRow<'_>, lens: &Model, ys: &[f64], zs: &[f64], us: &mut [f64], vs: &mut [f64]
+        )));
     }
 }
 
