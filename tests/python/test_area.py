@@ -35,22 +35,23 @@ def lut():
     return ipm_rs.Lut(camera, ipm_rs.BevGrid(x=(5, 25), y=(-2, 14), resolution=0.2))
 
 
-# The eight by eight samples that it is measured against take 64 times as long as bilinear. Fisheyes see cells near the
-# car at 40 to 50 dB, where nobody is 0.5 dB from anybody: there it is held to what it reaches, 23 dB above bilinear.
+# The eight by eight samples that it is measured against take 64 times as long as bilinear.
 @pytest.mark.parametrize(
-    ("case", "cell", "short"),
+    ("case", "cell"),
     [
-        ("straight ahead", 0.1, 0.5),
-        ("straight ahead", 0.2, 0.5),
-        ("yaw 60, roll 5", 0.2, 0.5),
-        ("roll 10", 0.1, 0.5),
-        ("slope of 5 %", 0.2, 0.5),
-        ("slope of -4 %, yaw -40, roll 6", 0.1, 0.5),
-        ("fisheye", 0.1, 3.0),
-        ("fisheye, yaw 75, roll 8", 0.2, 3.5),
+        ("straight ahead", 0.1),
+        ("straight ahead", 0.2),
+        ("yaw 60, roll 5", 0.2),
+        ("roll 10", 0.1),
+        ("slope of 5 %", 0.2),
+        ("slope of -4 %, yaw -40, roll 6", 0.1),
+        ("fisheye", 0.1),
+        ("fisheye", 0.2),
+        ("fisheye, yaw 75, roll 8", 0.1),
+        ("fisheye, yaw 75, roll 8", 0.2),
     ],
 )
-def test_area_is_as_near_the_truth_as_64_samples_a_cell(ground_truth, case, cell, short):
+def test_area_is_as_near_the_truth_as_64_samples_a_cell(ground_truth, case, cell):
     import dataclasses
 
     found = next(known for known in ground_truth.CASES if known.name == case)
@@ -58,7 +59,7 @@ def test_area_is_as_near_the_truth_as_64_samples_a_cell(ground_truth, case, cell
     views = ground_truth.Trial(small, samples=3).compare((cell, cell), ground_truth.own_views())
     best, plain, area = (np.array(views[name]) for name in ("8x8 supersampled", "ipm_rs bilinear", "ipm_rs area"))
     assert np.isfinite(area).all()
-    assert (area > best - short).all(), (area, best)
+    assert (area > best - 0.5).all(), (area, best)
     assert (area > plain - 0.1).all(), (area, plain)
     assert area[0] > plain[0] + 5, "near cells of many pixels are what it is for"
 

@@ -652,3 +652,23 @@ def test_calibration_that_needs_more(here, capsys):
     assert cli.main(["warp", "notes.txt", "front.png", "-o", "other.png"]) == 2
     assert "expected a calibration of a known format" in capsys.readouterr().err
     assert not Path("other.png").exists()
+
+
+def test_a_lens_that_the_file_does_not_name(here, capsys):
+    Path("fisheye.yml").write_text(
+        "%YAML:1.0\n---\ncamera_matrix: !!opencv-matrix\n   rows: 3\n   cols: 3\n   dt: d\n"
+        "   data: [ 60., 0., 63.5, 0., 60., 31.5, 0., 0., 1. ]\n"
+        "dist_coeffs: !!opencv-matrix\n   rows: 4\n   cols: 1\n   dt: d\n   data: [ 0.02, -0.01, 0.003, -0.0005 ]\n"
+    )
+    command = ["warp", "fisheye.yml", "frame.png", "-o", "bev.png", "--ground", "-1.5", *SIZE, *COARSE]
+    assert cli.main(command) == 2
+    assert "--lens" in capsys.readouterr().err
+    assert not Path("bev.png").exists()
+    assert cli.main([*command, "--lens", "fisheye"]) == 0
+    camera = ipm_rs.Camera.from_opencv("fisheye.yml", image_size=(WIDTH, HEIGHT), lens="fisheye")
+    lut = ipm_rs.Lut(camera, ipm_rs.BevGrid(**GRID), ground=-1.5)
+    assert lut.mask.any()
+    assert np.array_equal(load("bev.png"), lut.warp(load("frame.png")))
+    # of an image that was undistorted
+    assert cli.main([*command, "--lens", "pinhole", "--force"]) == 0
+    assert not np.array_equal(load("bev.png"), lut.warp(load("frame.png")))

@@ -7,6 +7,7 @@ import os
 from pathlib import Path
 from typing import Any, NoReturn, TypeAlias
 
+import ipm_rs
 from ipm_rs.errors import ArgumentError, FileError
 
 
@@ -57,6 +58,36 @@ def count(text: str) -> int:
     if number < 1:
         raise argparse.ArgumentTypeError(f"expected a whole number of at least 1, got {text!r}")
     return number
+
+
+def name(text: str) -> int | str:
+    """Return what `Camera.load` takes as the name of a camera: a number if it is one."""
+    return int(text) if text.isdecimal() else text
+
+
+def add_camera(group: argparse._ArgumentGroup) -> None:
+    """Add the arguments that tell `Camera.load` what a calibration leaves open."""
+    group.add_argument(
+        "--camera",
+        metavar="NAME",
+        type=name,
+        help="which camera, where the calibration holds several: a name or a number",
+    )
+    group.add_argument(
+        "--lens",
+        choices=("brown_conrady", "fisheye", "omnidir", "pinhole"),
+        help="which lens, where an OpenCV file does not say it",
+    )
+
+
+def load_camera(args: argparse.Namespace, image_size: tuple[int, int] | None) -> ipm_rs.Camera:
+    """Read the calibration that is named on the command line."""
+    try:
+        return ipm_rs.Camera.load(args.calibration, image_size=image_size, camera=args.camera, lens=args.lens)
+    except ArgumentError as error:
+        if args.lens is None and "lens" in str(error):
+            raise ArgumentError(f"{error}; here: --lens NAME") from error
+        raise
 
 
 def add_grid(command: Parser, sampling: str | None = None) -> argparse._ArgumentGroup:

@@ -16,7 +16,16 @@ from numpy.typing import NDArray
 import ipm_rs
 from ipm_rs import imagefile, pointfile
 from ipm_rs.cli import depthfile
-from ipm_rs.cli.arguments import Commands, add_grid, check_output, count, real, resolution
+from ipm_rs.cli.arguments import (
+    Commands,
+    add_camera,
+    add_grid,
+    check_output,
+    count,
+    load_camera,
+    real,
+    resolution,
+)
 from ipm_rs.cli.printing import Progress, emit, no_progress, progress_bar
 from ipm_rs.errors import ArgumentError, CalibrationError, FileError, ImageError
 
@@ -71,7 +80,7 @@ Depth may be CARLA's colour code (an RGB or RGBA image), a 16-bit image with --d
     )
     depth.add_argument("--stride", metavar="N", type=count, default=1, help="every N-th row and column (default: 1)")
     camera = cloud.add_argument_group("camera")
-    camera.add_argument("--camera", metavar="NAME", help="which one, where the calibration holds several")
+    add_camera(camera)
     camera.add_argument(
         "--frame",
         choices=("vehicle", "flu", "camera"),
@@ -128,11 +137,11 @@ def run(args: argparse.Namespace) -> None:
 def _read_camera(args: argparse.Namespace, size: tuple[int, int]) -> ipm_rs.Camera:
     """Read the calibration; the size of the first depth image is for formats that do not hold one."""
     try:
-        return ipm_rs.Camera.load(args.calibration, image_size=size, camera=args.camera)
+        return load_camera(args, size)
     except CalibrationError as error:
         # a file that states another size: the comparison of the two says so better
         try:
-            return ipm_rs.Camera.load(args.calibration, camera=args.camera)
+            return load_camera(args, None)
         except CalibrationError:
             raise error from None
 

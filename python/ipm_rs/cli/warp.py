@@ -15,7 +15,17 @@ import numpy as np
 
 import ipm_rs
 from ipm_rs import calibration, imagefile
-from ipm_rs.cli.arguments import Commands, add_grid, check_output, count, real, resolution, value
+from ipm_rs.cli.arguments import (
+    Commands,
+    add_camera,
+    add_grid,
+    check_output,
+    count,
+    load_camera,
+    real,
+    resolution,
+    value,
+)
 from ipm_rs.cli.printing import Progress, emit, no_progress, progress_bar
 from ipm_rs.errors import ArgumentError, CalibrationError, FileError, ImageError, IpmError
 
@@ -74,9 +84,7 @@ extension of the output decides its format: """
         default=[0],
         help="value of cells that the camera does not see, one or one per channel (default: 0)",
     )
-    pixels.add_argument(
-        "--camera", metavar="NAME", help="which camera, where the calibration holds several: a name or a number"
-    )
+    add_camera(pixels)
     pixels.add_argument(
         "--image-size",
         metavar=("W", "H"),
@@ -150,9 +158,8 @@ def run(args: argparse.Namespace) -> None:
 
 
 def _read_camera(args: argparse.Namespace) -> ipm_rs.Camera:
-    camera = int(args.camera) if args.camera is not None and args.camera.isdecimal() else args.camera
     try:
-        return ipm_rs.Camera.load(args.calibration, image_size=args.image_size, camera=camera)
+        return load_camera(args, args.image_size)
     except CalibrationError as error:
         if args.image_size is None and "image_size" in str(error):
             raise CalibrationError(f"{error}; give --image-size W H") from error
