@@ -71,10 +71,7 @@ fn a_ramp_stays_a_ramp() {
                 let inside =
                     |at: f32, reach: f64, size: usize| f64::from(at) > reach && f64::from(at) < size as f64 - reach;
                 if inside(xs[cell], reach(0), SIZE.0) && inside(ys[cell], reach(1), SIZE.1) {
-                    assert!(
-                        (f64::from(value) - expected).abs() <= 1.0,
-                        "{along:?} {down:?}: {value} for {expected}"
-                    );
+                    assert!((f64::from(value) - expected).abs() <= 1.0, "{along:?} {down:?}: {value} for {expected}");
                 }
             }
         }

@@ -35,27 +35,28 @@ def lut():
     return ipm_rs.Lut(camera, ipm_rs.BevGrid(x=(5, 25), y=(-2, 14), resolution=0.2))
 
 
-# The eight by eight samples that it is measured against take 64 times as long as bilinear.
+# The eight by eight samples that it is measured against take 64 times as long as bilinear. Images of half the size, for
+# the sake of time, but where that is hardest for area: 0.5 dB short there, 0.8 dB better at 2048 x 1024.
 @pytest.mark.parametrize(
-    ("case", "cell"),
+    ("case", "cell", "scale"),
     [
-        ("straight ahead", 0.1),
-        ("straight ahead", 0.2),
-        ("yaw 60, roll 5", 0.2),
-        ("roll 10", 0.1),
-        ("slope of 5 %", 0.2),
-        ("slope of -4 %, yaw -40, roll 6", 0.1),
-        ("fisheye", 0.1),
-        ("fisheye", 0.2),
-        ("fisheye, yaw 75, roll 8", 0.1),
-        ("fisheye, yaw 75, roll 8", 0.2),
+        ("straight ahead", 0.1, 2),
+        ("straight ahead", 0.2, 1),
+        ("yaw 60, roll 5", 0.2, 2),
+        ("roll 10", 0.1, 2),
+        ("slope of 5 %", 0.2, 2),
+        ("slope of -4 %, yaw -40, roll 6", 0.1, 2),
+        ("fisheye", 0.1, 2),
+        ("fisheye", 0.2, 2),
+        ("fisheye, yaw 75, roll 8", 0.1, 2),
+        ("fisheye, yaw 75, roll 8", 0.2, 2),
     ],
 )
-def test_area_is_as_near_the_truth_as_64_samples_a_cell(ground_truth, case, cell):
+def test_area_is_as_near_the_truth_as_64_samples_a_cell(ground_truth, case, cell, scale):
     import dataclasses
 
     found = next(known for known in ground_truth.CASES if known.name == case)
-    small = dataclasses.replace(found, image_size=(found.image_size[0] // 2, found.image_size[1] // 2))
+    small = dataclasses.replace(found, image_size=(found.image_size[0] // scale, found.image_size[1] // scale))
     views = ground_truth.Trial(small, samples=3).compare((cell, cell), ground_truth.own_views())
     best, plain, area = (np.array(views[name]) for name in ("8x8 supersampled", "ipm_rs bilinear", "ipm_rs area"))
     assert np.isfinite(area).all()
