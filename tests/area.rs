@@ -218,3 +218,44 @@ fn mode_is_the_majority_and_the_smallest_of_equals() {
     let refused = lut.warp_many_mode_into(&[view], std::slice::from_mut(&mut out), &WarpOptions::default());
     assert_eq!(refused, Err(Error::TooManyIds { limit: 256 }));
 }
+
+#[test]
+fn maps_that_jump_are_no_danger_and_every_instruction_set_agrees() {
+    let mut state = 12345u64;
+    let mut random = move || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 33) as f64 / (1u64 << 31) as f64
+    };
+    let (rows, columns) = (23, 61);
+    for (width, height) in [(97, 53), (3, 700), (4000, 5), (1_000_000, 3)] {
+        let size = (width as usize, height as usize);
+        let (w, h) = (f64::from(width), f64::from(height));
+        for kind in 0..5 {
+            let (mut xs, mut ys) = (vec![], vec![]);
+            for row in 0..rows {
+                for column in 0..columns {
+                    let (across, down) = (f64::from(column) / f64::from(columns), f64::from(row) / f64::from(rows));
+                    let (x, y) = match kind {
+                        0 => (random(), random()),                                                  // noise
+                        1 => ((across * 4.0) % 1.0, (down * 3.0) % 1.0), // views side by side
+                        2 => (if random() < 0.3 { f64::NAN } else { across }, down), // holes
+                        3 => ((across - 0.5).abs() * 2.0, down * down),  // folded
+                        _ => (across * across * 1.3 - 0.1, (down - 0.4) * 1.5 + across * random()), // beyond the edges
+                    };
+                    xs.push(x * (w - 1.0));
+                    ys.push(y * (h - 1.0));
+                }
+            }
+            let lut = Lut::from_maps(&xs, &ys, columns as usize, (width, height)).unwrap();
+            let (constant, texture) = (vec![77u8; size.0 * size.1 * 3], textured(size.0 * size.1 * 3));
+            let mut expected = None;
+            for &isa in ipm_rs::Isa::available() {
+                let options = WarpOptions { isa: Some(isa), border_value: vec![77], ..area() };
+                let got = lut.warp(&ImageView::new(&constant, size, 3).unwrap(), &options).unwrap();
+                assert!(got.iter().all(|&value| value == 77), "{width} x {height}, kind {kind}, {isa:?}");
+                let got = lut.warp(&ImageView::new(&texture, size, 3).unwrap(), &options).unwrap();
+                assert_eq!(&got, expected.get_or_insert(got.clone()), "{width} x {height}, kind {kind}, {isa:?}");
+            }
+        }
+    }
+}
