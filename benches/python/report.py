@@ -295,9 +295,11 @@ def _affinity() -> set[int]:
 
 def _cpu() -> str:
     if sys.platform == "linux":
-        for line in Path("/proc/cpuinfo").read_text().splitlines():
-            if line.startswith("model name"):
-                return line.split(":", 1)[1].strip()
+        lines = Path("/proc/cpuinfo").read_text().partition("\n\n")[0].splitlines()
+        known = {key.strip(): value.strip() for key, _, value in (line.partition(":") for line in lines)}
+        if "model name" in known:
+            # the name may tell no generation: Zen 4 and Zen 5 are both "AMD EPYC", and differ twofold in 512-bit vectors
+            return f"{known['model name']} (family {known.get('cpu family')}, model {known.get('model')})"
     return platform.processor() or platform.machine()
 
 
