@@ -298,7 +298,7 @@ def _cpu() -> str:
         lines = Path("/proc/cpuinfo").read_text().partition("\n\n")[0].splitlines()
         known = {key.strip(): value.strip() for key, _, value in (line.partition(":") for line in lines)}
         if "model name" in known:
-            # the name may tell no generation: Zen 4 and Zen 5 are both "AMD EPYC", and differ twofold in 512-bit vectors
+            # the name may tell no generation: Zen 4 and Zen 5 are both "AMD EPYC", and differ twofold in wide vectors
             return f"{known['model name']} (family {known.get('cpu family')}, model {known.get('model')})"
     return platform.processor() or platform.machine()
 
