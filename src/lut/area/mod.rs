@@ -56,7 +56,7 @@ struct RowEnd {
 /// Neighbouring blocks of one shape, whose sides are told in one unit.
 #[derive(Debug, Clone, Copy)]
 struct Run {
-    /// The first and how many; what lies between is not bilinear.
+    /// The number in its row of the first, and how many; none of them is bilinear.
     first: u32,
     blocks: u32,
     shape: Shape,
