@@ -116,21 +116,18 @@ impl Block {
         2 * row as i16 - (ROWS as i16 - 1)
     }
 
-    /// The sides of the footprints of a row of the block: x and y along, x and y down, in 1/1024 pixel before the shift.
+    /// One of the sides of the footprints of a row of the block, x along, y along, x down or y down, in 1/1024 pixel before
+    /// the shift.
     #[inline(always)]
-    pub(crate) fn sides(&self, row: usize, basis: &Basis) -> [[i16; LANES]; 4] {
+    pub(crate) fn side(&self, side: usize, row: usize, basis: &Basis) -> [i16; LANES] {
         let half_rows = Self::half_rows(row);
-        let (coefficients, changes) = (self.coefficients.as_chunks::<4>().0, self.changes.as_chunks::<4>().0);
-        let mut sides = [[0; LANES]; 4];
-        for (into, (coefficients, changes)) in sides.iter_mut().zip(coefficients.iter().zip(changes)) {
-            let of_row = |degree: usize| i32::from(coefficients[degree] + changes[degree] * half_rows);
-            let [c0, c1, c2, c3] = [of_row(0), of_row(1), of_row(2), of_row(3)];
-            *into = lanes(|i| {
-                let [b0, b1, b2, b3] = [basis[0][i], basis[1][i], basis[2][i], basis[3][i]].map(i32::from);
-                ((c0 * b0 + c1 * b1 + c2 * b2 + c3 * b3) >> 7) as i16
-            });
-        }
-        sides
+        let (coefficients, changes) = (&self.coefficients[4 * side..][..4], &self.changes[4 * side..][..4]);
+        let of_row = |degree: usize| i32::from(coefficients[degree] + changes[degree] * half_rows);
+        let [c0, c1, c2, c3] = [of_row(0), of_row(1), of_row(2), of_row(3)];
+        lanes(|i| {
+            let [b0, b1, b2, b3] = [basis[0][i], basis[1][i], basis[2][i], basis[3][i]].map(i32::from);
+            ((c0 * b0 + c1 * b1 + c2 * b2 + c3 * b3) >> 7) as i16
+        })
     }
 }
 

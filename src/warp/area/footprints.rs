@@ -57,9 +57,17 @@ fn work_out(
         let ([ax, ay, bx, by], [x, y]) = (sides, centre);
         for (index, block) in blocks.iter().enumerate() {
             let first = index * width.columns();
-            // of narrow blocks the lanes that are too many are written over by the next one's
-            [*lanes(ax, first), *lanes(ay, first), *lanes(bx, first), *lanes(by, first)] =
-                block.sides(row, width.basis());
+            // Of narrow blocks the lanes that are too many are written over by the next one's. A side with one probe is not
+            // looked at: more than half of the cells of 10 cm have but one.
+            let basis = width.basis();
+            if block.shape.along > 1 {
+                *lanes(ax, first) = block.side(0, row, basis);
+                *lanes(ay, first) = block.side(1, row, basis);
+            }
+            if block.shape.down > 1 {
+                *lanes(bx, first) = block.side(2, row, basis);
+                *lanes(by, first) = block.side(3, row, basis);
+            }
             move_by(block.offset[0].into(), &at[0][first..], lanes(x, first));
             move_by(block.offset[1].into(), &at[1][first..], lanes(y, first));
         }

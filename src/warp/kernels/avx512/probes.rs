@@ -128,7 +128,7 @@ impl Group {
     }
 }
 
-/// What evaluates [`Block::sides`]: two polynomials of the basis side by side in each lane.
+/// What evaluates [`Block::side`]: two polynomials of the basis side by side in each lane.
 struct BasisPairs {
     low: __m512i,
     high: __m512i,
