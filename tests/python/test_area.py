@@ -35,29 +35,30 @@ def lut():
     return ipm_rs.Lut(camera, ipm_rs.BevGrid(x=(5, 25), y=(-2, 14), resolution=0.2))
 
 
-# The eight by eight samples that it is measured against take 64 times as long as bilinear. Images of half the size, for
-# the sake of time, but where that is hardest for area: 0.5 dB short there, 0.8 dB better at 2048 x 1024.
+# The eight by eight samples that it is measured against take 64 times as long as bilinear; so images are of half the
+# size, and rendered by 3 x 3 samples a pixel. These alias themselves, which counts where area is nearest to the bound,
+# 0.47 dB short: there it is 6 x 6.
 @pytest.mark.parametrize(
-    ("case", "cell", "scale"),
+    ("case", "cell", "samples"),
     [
-        ("straight ahead", 0.1, 2),
-        ("straight ahead", 0.2, 1),
-        ("yaw 60, roll 5", 0.2, 2),
-        ("roll 10", 0.1, 2),
-        ("slope of 5 %", 0.2, 2),
-        ("slope of -4 %, yaw -40, roll 6", 0.1, 2),
-        ("fisheye", 0.1, 2),
-        ("fisheye", 0.2, 2),
-        ("fisheye, yaw 75, roll 8", 0.1, 2),
-        ("fisheye, yaw 75, roll 8", 0.2, 2),
+        ("straight ahead", 0.1, 3),
+        ("straight ahead", 0.2, 6),
+        ("yaw 60, roll 5", 0.2, 3),
+        ("roll 10", 0.1, 3),
+        ("slope of 5 %", 0.2, 3),
+        ("slope of -4 %, yaw -40, roll 6", 0.1, 3),
+        ("fisheye", 0.1, 3),
+        ("fisheye", 0.2, 3),
+        ("fisheye, yaw 75, roll 8", 0.1, 3),
+        ("fisheye, yaw 75, roll 8", 0.2, 3),
     ],
 )
-def test_area_is_as_near_the_truth_as_64_samples_a_cell(ground_truth, case, cell, scale):
+def test_area_is_as_near_the_truth_as_64_samples_a_cell(ground_truth, case, cell, samples):
     import dataclasses
 
     found = next(known for known in ground_truth.CASES if known.name == case)
-    small = dataclasses.replace(found, image_size=(found.image_size[0] // scale, found.image_size[1] // scale))
-    views = ground_truth.Trial(small, samples=3).compare((cell, cell), ground_truth.own_views())
+    small = dataclasses.replace(found, image_size=(found.image_size[0] // 2, found.image_size[1] // 2))
+    views = ground_truth.Trial(small, samples=samples).compare((cell, cell), ground_truth.own_views())
     best, plain, area = (np.array(views[name]) for name in ("8x8 supersampled", "ipm_rs bilinear", "ipm_rs area"))
     assert np.isfinite(area).all()
     assert (area > best - 0.5).all(), (area, best)

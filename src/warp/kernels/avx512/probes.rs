@@ -292,10 +292,12 @@ fn one_by_one<const CHANNELS: usize>(
     for (index, (&along, &down)) in
         probes.offsets[0].iter().flat_map(|along| probes.offsets[1].iter().map(move |down| (along, down))).enumerate()
     {
+        let numbers = |lanes: __m512i| {
+            // SAFETY: sixteen lanes are 64 bytes, of which any are numbers.
+            unsafe { std::mem::transmute::<__m512i, [u32; LANES]>(lanes) }
+        };
         let (offsets, fractions) = group.probe(probes, along, down);
-        // SAFETY: sixteen lanes are 64 bytes, of which any are numbers.
-        let [offsets, fractions] =
-            [offsets, fractions].map(|lanes| unsafe { std::mem::transmute::<__m512i, [u32; LANES]>(lanes) });
+        let (offsets, fractions) = (numbers(offsets), numbers(fractions));
         let taps: [Tap; LANES] = std::array::from_fn(|cell| Tap {
             offset: offsets[cell],
             x: fractions[cell] as u16,
