@@ -27,7 +27,7 @@ X86_64 = {
     "warp::kernels::avx2::bytes": ["vpmaddwd .*ymm", "vpshufb .*ymm", "vpmulhrsw .*[xy]mm"],
     "warp::kernels::avx2::floats": ["vmulps .*ymm", "vsubps .*ymm", "vcvtdq2ps .*ymm"],
     "warp::kernels::avx2::nearest": ["vpaddd .*ymm"],
-    "quantise_inside::avx512": ["vaddpd .*zmm", "vpsrlq .*zmm"],
+    "quantise_inside::avx512": ["vaddpd .*zmm", "vpmultishiftqb .*zmm"],
     "quantise_inside::avx2": ["vaddpd .*ymm", "vpsrlq .*ymm"],
     "fill::avx512": ["vdivpd .*zmm"],
     "fill::avx2": ["vdivpd .*ymm"],

@@ -2,9 +2,11 @@
 //!
 //! They are written without branches and with float64 alone (no conversions to integers, no floor, which the baseline
 //! build lacks), so that the compiler turns one body into vectors for each instruction set. Every operation is exact or
-//! correctly rounded and nothing is fused, so all give the same table to the last bit.
+//! correctly rounded and nothing is fused, so all give the same table to the last bit. Taps alone have a form by hand.
 
 mod aligned;
+#[cfg(target_arch = "x86_64")]
+mod avx512;
 mod bent;
 mod heights;
 mod projective;

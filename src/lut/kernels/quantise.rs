@@ -16,6 +16,30 @@ pub(crate) struct Sampled<'a> {
     pub(crate) source: (u32, u32),
 }
 
+impl Sampled<'_> {
+    /// These cells without those outside at either end, as far as a few: a row that begins with a tap need not be moved.
+    pub(crate) fn trimmed(&self, cells: Range<usize>) -> Range<usize> {
+        /// Cells at either end. Windows have up to nine more than they need.
+        const FEW: usize = 16;
+        let sides = self.sides();
+        let outside = |&cell: &usize| !is_near((self.us[cell], self.vs[cell]), sides);
+        let start = cells.start + cells.clone().take(FEW).take_while(outside).count();
+        let rest = start..cells.end;
+        start..cells.end - rest.rev().take(FEW).take_while(outside).count()
+    }
+
+    /// Width and height.
+    fn sides(&self) -> (f64, f64) {
+        (f64::from(self.source.0), f64::from(self.source.1))
+    }
+}
+
+/// Whether a coordinate is less than a pixel outside the rectangle of pixel centres, or on it; NaN is not.
+#[inline(always)]
+fn is_near((u, v): (f64, f64), (width, height): (f64, f64)) -> bool {
+    (u > -1.0) & (u < width) & (v > -1.0) & (v < height)
+}
+
 /// What each cell of a row is.
 #[derive(Default)]
 pub(crate) struct Kinds {
@@ -35,13 +59,16 @@ impl Kinds {
         let kinds = &mut self.kinds[..];
         // SAFETY: a tap is 8 bytes with the alignment of a number, any bits are one, and only numbers are written.
         let taps = unsafe { std::slice::from_raw_parts_mut(taps.as_mut_ptr().cast::<MaybeUninit<u64>>(), taps.len()) };
-        quantise_inside(isa, row, taps, kinds);
+        let mut all_inside = true;
+        quantise_inside(isa, row, taps, kinds, &mut all_inside);
         // most cells are inside; of the others it is found out what they are when their turn comes
         let (mut next, mut known) = (0, 0);
         std::iter::from_fn(move || {
             let first = next;
             if first == known {
-                let end = first + equal_prefix(&kinds[first..], RunKind::Inside as u8);
+                let inside =
+                    if all_inside { cells - first } else { equal_prefix(&kinds[first..], RunKind::Inside as u8) };
+                let end = first + inside;
                 if end > first {
                     (next, known) = (end, end);
                     return Some((RunKind::Inside, first..end));
@@ -58,9 +85,9 @@ impl Kinds {
     }
 }
 
-fn quantise_inside(isa: Isa, row: Sampled<'_>, taps: &mut [MaybeUninit<u64>], kinds: &mut [u8]) {
-    for_each_isa!(isa, (taps_of_row, taps_of_row, taps_of_row)(
-        row: Sampled<'_>, taps: &mut [MaybeUninit<u64>], kinds: &mut [u8]
+fn quantise_inside(isa: Isa, row: Sampled<'_>, taps: &mut [MaybeUninit<u64>], kinds: &mut [u8], all: &mut bool) {
+    for_each_isa!(isa, (taps_of_row, taps_of_row, super::avx512::taps_of_row)(
+        row: Sampled<'_>, taps: &mut [MaybeUninit<u64>], kinds: &mut [u8], all: &mut bool
     ));
 }
 
@@ -78,17 +105,16 @@ fn equal_prefix(kinds: &[u8], kind: u8) -> usize {
     done + kinds[done..].iter().take_while(|&&cell| cell == kind).count()
 }
 
-/// The taps of all cells, and [`RunKind::Inside`] or else [`RunKind::Outside`] for each.
+/// The taps of all cells, and [`RunKind::Inside`] or else [`RunKind::Outside`] for each; `all` stays true where all are
+/// inside.
 #[inline(always)]
-fn taps_of_row(row: Sampled<'_>, taps: &mut [MaybeUninit<u64>], kinds: &mut [u8]) {
+pub(super) fn taps_of_row(row: Sampled<'_>, taps: &mut [MaybeUninit<u64>], kinds: &mut [u8], all: &mut bool) {
     let Sampled { us, vs, source: (width, height) } = row;
     let cells = us.len();
     let (vs, taps, kinds) = (&vs[..cells], &mut taps[..cells], &mut kinds[..cells]);
-    // Within 2^-16 of the last pixel a coordinate becomes that pixel, which has no next: such cells are on the rim.
-    // The bits of a positive float64 grow with it, and those of a negative one or of NaN are above them all.
-    let last = |side: u32| (f64::from(side) - 1.0 - 1.0 / STEPS).max(0.0).to_bits();
     let (last_u, last_v) = (last(width), last(height));
     let stride = u64::from(width);
+    let mut all_inside = true;
     // by index: of zipped iterators the compiler makes no vectors
     for i in 0..cells {
         let (u, v) = (us[i], vs[i]);
@@ -103,23 +129,32 @@ fn taps_of_row(row: Sampled<'_>, taps: &mut [MaybeUninit<u64>], kinds: &mut [u8]
             offset << 32 | (fx & 0xffff) << 16 | fy & 0xffff
         });
         kinds[i] = u8::from(inside);
+        all_inside &= inside;
     }
+    *all &= all_inside;
 }
 
 /// What cells are that [`taps_of_row`] did not find inside.
 #[inline(always)]
 fn kinds_of_cells(row: Sampled<'_>, kinds: &mut [u8]) {
-    let Sampled { us, vs, source: (width, height) } = row;
+    let Sampled { us, vs, .. } = row;
     let cells = us.len();
     let (vs, kinds) = (&vs[..cells], &mut kinds[..cells]);
-    let (w, h) = (f64::from(width), f64::from(height));
+    let (w, h) = row.sides();
     for i in 0..cells {
         let (u, v) = (us[i], vs[i]);
-        let near = (u > -1.0) & (u < w) & (v > -1.0) & (v < h); // NaN is not
+        let near = is_near((u, v), (w, h));
         let valid = (u >= 0.0) & (v >= 0.0) & (u <= w - 1.0) & (v <= h - 1.0);
         // outside 0, rim 2, halo 3
         kinds[i] = u8::from(near) * (3 - u8::from(valid));
     }
+}
+
+/// The bits of the first coordinate that is not inside a side of so many pixels: within 2^-16 of the last pixel a
+/// coordinate becomes that pixel, which has no next, so such cells are on the rim. The bits of a positive float64 grow with
+/// it, and those of a negative one or of NaN are above them all.
+pub(super) fn last(side: u32) -> u64 {
+    (f64::from(side) - 1.0 - 1.0 / STEPS).max(0.0).to_bits()
 }
 
 const STEPS: f64 = ONE as f64;
@@ -128,14 +163,14 @@ const STEPS: f64 = ONE as f64;
 const LOW: u64 = 0xffff_ffff;
 
 /// Bits of a coordinate below a Q15 step that are looked at for rounding.
-const BELOW: u32 = 5;
+pub(super) const BELOW: u32 = 5;
 
 /// Added to a coordinate from 0 to 2^31, which is more than a source is wide, it leaves the coordinate in 2^-20 pixels in
 /// the low bits, and half a step of Q15 more, so that dropping [`BELOW`] bits rounds to the nearest step.
-const FIXED: f64 = (1u64 << (52 - 15 - BELOW)) as f64 + 0.5 / STEPS;
+pub(super) const FIXED: f64 = (1u64 << (52 - 15 - BELOW)) as f64 + 0.5 / STEPS;
 
 /// Added to a float64 of less than 2^50, it leaves the nearest whole number, halves to even, in the low bits.
-const WHOLE: f64 = 1.5 * (1u64 << 52) as f64;
+pub(super) const WHOLE: f64 = 1.5 * (1u64 << 52) as f64;
 
 /// The whole pixel at or before a coordinate that is not negative, in the low 32 bits, and in the low 16 of the other its
 /// Q15 fraction, plus 32768 where the nearest pixel is the next one. Within 2^-16 of the next pixel the coordinate is
