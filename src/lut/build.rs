@@ -4,30 +4,38 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::kernels::{BentRow, Offsets, ProjectiveRow, Row};
 use super::surface::Surface;
+use super::window::Window;
 use super::{Lut, table::Table};
-use crate::camera::{Camera, Lens, check_image_size};
+use crate::camera::{Camera, check_image_size};
 use crate::cpu::Isa;
 use crate::error::{Error, Result};
 use crate::grid::BevGrid;
 use crate::ground::{Ground, Plane};
 
-impl Camera {
-    /// A row of a grid on a plane road, at `x`, as a projective map of y.
-    fn ground_row(&self, x: f64, plane: &Plane) -> ProjectiveRow {
-        let image_from_vehicle = self.intrinsics() * self.camera_from_vehicle().rotation();
-        let offset = self.intrinsics() * self.camera_from_vehicle().translation();
-        let [_, _, bank] = plane.coefficients();
-        let height = plane.height_at(x, 0.0);
-        let origin = image_from_vehicle.column(0) * x + image_from_vehicle.column(2) * height + offset;
-        let step = image_from_vehicle.column(1) + image_from_vehicle.column(2) * bank;
-        ProjectiveRow { origin, step, culled: true }
+/// A row of a grid on a plane road in the camera frame: `origin + step * y`.
+struct GroundRow {
+    origin: Vector3<f64>,
+    step: Vector3<f64>,
+}
+
+impl GroundRow {
+    /// The row at `x`.
+    fn new(camera: &Camera, plane: &Plane, x: f64) -> Self {
+        let pose = camera.camera_from_vehicle();
+        let origin = pose.transform(&Vector3::new(x, 0.0, plane.height_at(x, 0.0)));
+        Self { origin, step: Self::step(camera, plane) }
     }
 
-    /// The same behind a lens.
-    fn bent_row<'a>(&self, lens: &'a Lens, x: f64, plane: &Plane) -> BentRow<'a> {
-        let pose = self.camera_from_vehicle();
-        let origin = pose.transform(&Vector3::new(x, 0.0, plane.height_at(x, 0.0)));
-        BentRow { origin, intrinsics: self.intrinsics(), lens }
+    /// How it moves with y: all rows alike.
+    fn step(camera: &Camera, plane: &Plane) -> Vector3<f64> {
+        let rotation = camera.camera_from_vehicle().rotation();
+        let [_, _, bank] = plane.coefficients();
+        rotation.column(1) + rotation.column(2) * bank
+    }
+
+    /// Its pixels, as a pinhole sees it.
+    fn projected(&self, intrinsics: &Matrix3<f64>) -> ProjectiveRow {
+        ProjectiveRow { origin: intrinsics * self.origin, step: intrinsics * self.step, culled: true }
     }
 }
 
@@ -41,25 +49,39 @@ impl Lut {
     pub fn new(camera: &Camera, grid: &BevGrid, ground: &Ground) -> Result<Self> {
         let isa = Isa::active()?;
         let ys: Row = (0..grid.columns()).map(|column| grid.y_of_column(column as f64)).collect();
-        let shape = (grid.rows(), grid.columns());
+        let (shape, intrinsics) = ((grid.rows(), grid.columns()), camera.intrinsics());
         let table = match ground {
-            Ground::Plane(plane) => match camera.lens() {
-                None => Table::build(shape, camera.image_size(), isa, |row, us, vs| {
-                    camera.ground_row(grid.x_of_row(row as f64), plane).fill(isa, &ys, us, vs);
-                }),
-                Some(lens) => {
-                    let [_, _, bank] = plane.coefficients();
-                    let rotation = camera.camera_from_vehicle().rotation();
-                    let offsets = Offsets::along(&(rotation.column(1) + rotation.column(2) * bank), &ys);
-                    Table::build(shape, camera.image_size(), isa, |row, us, vs| {
-                        camera.bent_row(lens, grid.x_of_row(row as f64), plane).fill(isa, &offsets, us, vs);
-                    })
+            Ground::Plane(plane) => {
+                let window = Window::of(camera);
+                let row_and_seen = |row: usize| {
+                    let row = GroundRow::new(camera, plane, grid.x_of_row(row as f64));
+                    let columns = window.as_ref().map(|window| window.columns(grid, &row.origin, &row.step));
+                    (row, columns.unwrap_or(0..grid.columns()))
+                };
+                match camera.lens() {
+                    None => Table::build(shape, camera.image_size(), isa, |row, us, vs| {
+                        let (row, seen) = row_and_seen(row);
+                        let (us, vs) = (&mut us[seen.clone()], &mut vs[seen.clone()]);
+                        row.projected(&intrinsics).fill(isa, &ys[seen.clone()], us, vs);
+                        seen
+                    }),
+                    Some(lens) => {
+                        let offsets = Offsets::along(&GroundRow::step(camera, plane), &ys);
+                        Table::build(shape, camera.image_size(), isa, |row, us, vs| {
+                            let (row, seen) = row_and_seen(row);
+                            let (us, vs) = (&mut us[seen.clone()], &mut vs[seen.clone()]);
+                            let row = BentRow { origin: row.origin, step: row.step, intrinsics, lens };
+                            row.fill(isa, offsets.of(seen.clone()), us, vs);
+                            seen
+                        })
+                    }
                 }
-            },
+            }
             Ground::HeightMap(map) => {
                 let surface = Surface::new(camera, map, &ys);
                 Table::build(shape, camera.image_size(), isa, |row, us, vs| {
                     surface.fill(isa, grid.x_of_row(row as f64), us, vs);
+                    0..us.len()
                 })
             }
         }?;
@@ -90,6 +112,7 @@ impl Lut {
             let cells = row * columns..(row + 1) * columns;
             us.iter_mut().zip(&map_x[cells.clone()]).for_each(|(u, &map)| *u = map.into());
             vs.iter_mut().zip(&map_y[cells]).for_each(|(v, &map)| *v = map.into());
+            0..columns
         })?;
         Ok(Self { table })
     }
@@ -108,6 +131,7 @@ impl Lut {
         let columns: Row = (0..size.0).map(f64::from).collect();
         let table = Table::build((size.1 as usize, size.0 as usize), source, isa, |row, us, vs| {
             homography_row(m, row).fill(isa, &columns, us, vs);
+            0..columns.len()
         })?;
         Ok(Self { table })
     }

@@ -60,6 +60,7 @@ impl Lut {
         let table = Table::build((grid.rows(), grid.columns()), source, isa, |row, us, vs| {
             let origin = h.column(0) * grid.x_of_row(row as f64) + h.column(2);
             ProjectiveRow { origin, step: h.column(1).into(), culled: true }.fill(isa, &ys, us, vs);
+            0..ys.len()
         })?;
         Ok(Self { table })
     }

@@ -2,6 +2,8 @@
 //! magic (8), checksum of what follows (8), rows, columns, width, height, runs, taps (`u32` each), then how many runs each row has (`u32`), all runs (`u16`), the taps of all cells but those outside
 //! (offset `u32`, x `u16`, y `u16`).
 
+use std::mem::MaybeUninit;
+
 use super::Lut;
 use super::table::{RowEnd, RowRuns, Run, RunKind, Table, Tap, band_rows, unframed};
 use crate::camera::check_image_size;
@@ -72,8 +74,7 @@ impl Lut {
         let (run_bytes, tap_bytes) = body.split_at(2 * runs);
         let mut table = Table::empty((rows, columns), source)?;
         let mut reader = Reader { runs: run_bytes, taps: tap_bytes, source };
-        let bands = table.bands.iter_mut().zip(table.taps.chunks_mut(band_rows(columns) * columns));
-        for ((band, taps), counts) in bands.zip(counts.chunks(4 * band_rows(columns))) {
+        for ((band, taps), counts) in table.bands_mut().zip(counts.chunks(4 * band_rows(columns))) {
             let mut next = 0;
             for runs in counts.chunks_exact(4).map(le_u32) {
                 next += reader.read_row(runs as usize, columns, &mut taps[next..], band).map_err(damaged)?;
@@ -101,7 +102,7 @@ impl Reader<'_> {
         &mut self,
         runs: usize,
         columns: usize,
-        taps: &mut [Tap],
+        taps: &mut [MaybeUninit<Tap>],
         band: &mut RowRuns,
     ) -> Result<usize, &'static str> {
         let short = "its rows do not fit its header";
@@ -115,8 +116,9 @@ impl Reader<'_> {
             let bytes = take(&mut self.taps, 8 * run.taps()).ok_or(short)?;
             for (tap, bytes) in taps[kept..].iter_mut().zip(bytes.chunks_exact(8)) {
                 let half = |at: usize| u16::from_le_bytes([bytes[at], bytes[at + 1]]);
-                *tap = Tap { offset: le_u32(bytes), x: half(4), y: half(6) };
-                if !is_possible(run.kind(), *tap, self.source) {
+                let read = Tap { offset: le_u32(bytes), x: half(4), y: half(6) };
+                tap.write(read);
+                if !is_possible(run.kind(), read, self.source) {
                     return Err("a cell samples where its kind cannot");
                 }
             }

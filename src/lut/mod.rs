@@ -10,6 +10,7 @@ mod maps;
 mod surface;
 pub(crate) mod table;
 pub(crate) mod tap;
+mod window;
 
 use crate::cpu::Isa;
 use crate::error::Result;

@@ -76,23 +76,39 @@ impl RowRuns {
         self.runs.clear();
         // SAFETY: the layout is the same, and `push` writes nothing but taps.
         let room = unsafe { &mut *(std::ptr::from_mut(taps) as *mut [MaybeUninit<Tap>]) };
-        self.push(isa, row, room, scratch);
+        self.push(isa, row, 0..row.us.len(), room, scratch);
     }
 
-    /// Packs a row: its runs go to the end of these, and the taps of all cells but those outside into `taps` behind those
-    /// of the row before, where there must be room for one for each cell. What is written behind them is anything at all.
-    pub(crate) fn push(&mut self, isa: Isa, row: Sampled<'_>, taps: &mut [MaybeUninit<Tap>], scratch: &mut Kinds) {
+    /// Packs a row, of which only the cells `seen` are looked at, and the others are outside: its runs go to the end of
+    /// these, and the taps of all cells but those outside into `taps` behind those of the row before, where there must be
+    /// room for one for each cell. What is written behind them is anything at all.
+    pub(crate) fn push(
+        &mut self,
+        isa: Isa,
+        row: Sampled<'_>,
+        seen: Range<usize>,
+        taps: &mut [MaybeUninit<Tap>],
+        scratch: &mut Kinds,
+    ) {
         let begin = self.taps();
         let taps = &mut taps[begin..begin + row.us.len()];
+        let seen = row.trimmed(seen);
+        // cells outside that no run holds yet, and those behind the ones that are looked at
+        let (mut outside, behind) = (seen.start, row.us.len() - seen.end);
+        let row = Sampled { us: &row.us[seen.clone()], vs: &row.vs[seen], ..row };
         let mut kept = 0;
         for (kind, cells) in scratch.quantise(isa, row, taps) {
+            if kind == RunKind::Outside {
+                outside += cells.len();
+                continue;
+            }
+            self.runs.extend(Run::of(RunKind::Outside, std::mem::take(&mut outside)));
             self.runs.extend(Run::of(kind, cells.len()));
             let own = kept..kept + cells.len();
             match kind {
-                RunKind::Outside => continue,
                 RunKind::Inside if cells.start == kept => {}
                 RunKind::Inside => taps.copy_within(cells, kept),
-                RunKind::Rim | RunKind::Halo => {
+                _ => {
                     for (tap, (&u, &v)) in
                         taps[own.clone()].iter_mut().zip(row.us[cells.clone()].iter().zip(&row.vs[cells]))
                     {
@@ -102,6 +118,7 @@ impl RowRuns {
             }
             kept = own.end;
         }
+        self.runs.extend(Run::of(RunKind::Outside, outside + behind));
         self.ends.push(RowEnd { run: self.runs.len() as u32, tap: (begin + kept) as u32 });
     }
 
@@ -133,18 +150,18 @@ impl RowRuns {
 
 /// The table. Whatever it was made from, every tap in a run of [`RunKind::Inside`] has `x <= width - 2` and
 /// `y <= height - 2`: kernels rely on it.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone)]
 pub(crate) struct Table {
     pub(super) rows: usize,
     pub(super) columns: usize,
     pub(super) source: (u32, u32),
-    /// Room for a tap for each cell, in which the taps of a band's rows follow each other from the band's first on; zero
-    /// beyond them. Rows with gaps between them cost a warp with cold caches 10 to 20 %, because what the CPU fetches
-    /// ahead stops at each.
+    /// Room for a tap for each cell, in which the taps of a band's rows follow each other from the band's first on;
+    /// anything at all beyond them. Rows with gaps between them cost a warp with cold caches 10 to 20 %, because what the
+    /// CPU fetches ahead stops at each.
     ///
     /// One allocation: many small ones are given back to the system when a table is dropped, and the next build pays a
     /// page fault for every 4 KiB: 2.6 ms became 0.9 for the seed job, from 1057 faults a build to none.
-    pub(super) taps: Vec<Tap>,
+    taps: Vec<MaybeUninit<Tap>>,
     /// The runs, in bands of [`band_rows`] rows.
     pub(super) bands: Vec<RowRuns>,
     /// What `area` needs beyond, once it was asked for.
@@ -158,7 +175,8 @@ pub(super) fn band_rows(columns: usize) -> usize {
 }
 
 impl Table {
-    /// Packs the coordinates that `fill` writes for a row: u and v in source pixels, NaN where there is none.
+    /// Packs the coordinates that `fill` writes for a row: u and v in source pixels, NaN where there is none. It returns
+    /// which cells it wrote; the others are outside.
     ///
     /// # Errors
     /// [`Error::TooManyCells`] and [`Error::OutOfMemory`].
@@ -166,44 +184,37 @@ impl Table {
         (rows, columns): (usize, usize),
         source: (u32, u32),
         isa: Isa,
-        fill: impl Fn(usize, &mut [f64], &mut [f64]) + Sync,
+        fill: impl Fn(usize, &mut [f64], &mut [f64]) -> Range<usize> + Sync,
     ) -> Result<Self> {
-        let mut table = Self::without_taps((rows, columns), source)?;
+        let mut table = Self::empty((rows, columns), source)?;
         let threads = if rows * columns < INLINE_CELLS { 1 } else { parallel::num_threads() };
         let band_rows = band_rows(columns);
-        let room = &mut table.taps.spare_capacity_mut()[..rows * columns];
-        let jobs = table.bands.iter_mut().zip(room.chunks_mut(band_rows * columns)).enumerate();
+        let jobs = table.bands_mut().enumerate();
         parallel::for_each(threads, jobs, |(band, (runs, room))| {
             // band by band, each while it is in the cache: all at once was a tenth of the time
-            let (mut us, mut vs) = (Row::filled(columns, f64::NAN), Row::filled(columns, f64::NAN));
+            let (mut us, mut vs) = (Row::filled(columns, 0.0), Row::filled(columns, 0.0));
             let mut scratch = Kinds::default();
             for row in band * band_rows..(band * band_rows + band_rows).min(rows) {
-                fill(row, &mut us, &mut vs);
-                runs.push(isa, Sampled { us: &us, vs: &vs, source }, room, &mut scratch);
+                let seen = fill(row, &mut us, &mut vs);
+                runs.push(isa, Sampled { us: &us, vs: &vs, source }, seen, room, &mut scratch);
             }
-            // tables are compared
-            room[runs.taps()..].fill(MaybeUninit::new(Tap::default()));
         });
-        // SAFETY: the chunks of the jobs are all of these taps. Each job's rows have written theirs without a gap from the
-        // chunk's first on, and the job the rest.
-        unsafe { table.taps.set_len(rows * columns) };
-        Ok(table)
-    }
-
-    /// A table of zeros, and no runs yet.
-    pub(super) fn empty((rows, columns): (usize, usize), source: (u32, u32)) -> Result<Self> {
-        let mut table = Self::without_taps((rows, columns), source)?;
-        table.taps.resize(rows * columns, Tap::default());
         Ok(table)
     }
 
     /// A table with room for all taps, but none in it, and no runs yet.
-    fn without_taps((rows, columns): (usize, usize), source: (u32, u32)) -> Result<Self> {
+    pub(super) fn empty((rows, columns): (usize, usize), source: (u32, u32)) -> Result<Self> {
         check_cells("Lut", rows as f64, columns as f64)?;
         let mut table = Self { rows, columns, source, taps: Vec::new(), bands: Vec::new(), area: LazyPlan::default() };
         reserve(&mut table.taps, rows * columns)?;
+        table.taps.resize(rows * columns, MaybeUninit::uninit());
         table.bands.resize(rows.div_ceil(band_rows(columns)), RowRuns::default());
         Ok(table)
+    }
+
+    /// The bands, each with the room for its taps.
+    pub(super) fn bands_mut(&mut self) -> impl ExactSizeIterator<Item = (&mut RowRuns, &mut [MaybeUninit<Tap>])> {
+        self.bands.iter_mut().zip(self.taps.chunks_mut(band_rows(self.columns) * self.columns))
     }
 
     pub(crate) fn rows(&self) -> usize {
@@ -229,13 +240,27 @@ impl Table {
         let band_rows = band_rows(self.columns);
         let (index, first) = (row / band_rows, row / band_rows * band_rows);
         let rows = first..(first + band_rows).min(self.rows);
-        Band { rows, runs: &self.bands[index], taps: &self.taps[first * self.columns..] }
+        let runs = &self.bands[index];
+        let taps = &self.taps[first * self.columns..][..runs.taps()];
+        // SAFETY: the layout is the same, and these were written: who adds a row to a band's runs, `RowRuns::push` and the
+        // reader of bytes, writes as many taps as they say behind those of the row before, from the band's first on.
+        let taps = unsafe { &*(std::ptr::from_ref(taps) as *const [Tap]) };
+        Band { rows, runs, taps }
     }
 
     /// The segments of a row, from left to right, without a gap.
     #[inline]
     pub(crate) fn row(&self, row: usize) -> impl Iterator<Item = Segment<'_>> {
         self.band(row).segments(row)
+    }
+}
+
+/// Tables are equal where all cells are; what lies behind a band's taps is no part of it, and a plan follows from the rest.
+impl PartialEq for Table {
+    fn eq(&self, other: &Self) -> bool {
+        (self.rows, self.columns, self.source) == (other.rows, other.columns, other.source)
+            && self.bands == other.bands
+            && (0..self.rows).step_by(band_rows(self.columns)).all(|row| self.band(row).taps == other.band(row).taps)
     }
 }
 
@@ -354,6 +379,7 @@ mod tests {
             for (column, (u, v)) in us.iter_mut().zip(vs).enumerate() {
                 (*u, *v) = (column as f64 * 0.1 - 2.0 + row as f64 * 0.003, row as f64 * 0.006 - 1.5);
             }
+            0..us.len()
         };
         let table = Table::build((rows, 100), SOURCE, Isa::Scalar, fill).unwrap();
         for &isa in Isa::available() {
@@ -382,6 +408,7 @@ mod tests {
                 for (column, (u, v)) in us.iter_mut().zip(vs).enumerate() {
                     [*u, *v] = [[0.5, 0.5], [2.5, 2.5]][column % 2];
                 }
+                0..us.len()
             })
             .unwrap();
             assert_eq!(table.row(0).count(), columns);
@@ -395,6 +422,7 @@ mod tests {
             let table = Table::build((2, columns), (3, 3), Isa::Scalar, |row, us, vs| {
                 us.fill([0.5, f64::NAN][row]);
                 vs.fill(0.5);
+                0..us.len()
             })
             .unwrap();
             for row in 0..2 {

@@ -93,7 +93,7 @@ impl Distort for Mei {
         let numerator = if behind { far - z } else { 1.0 };
         let denominator = if behind { xx * (x * x + y * y) + (xx - 1.0) * (z * z) } else { z + far };
         let w = numerator / denominator;
-        self.radtan.bend::<5>(x * w, y * w, z > self.cos_end * length)
+        self.radtan.bend_inside::<5>(x * w, y * w, z > self.cos_end * length)
     }
 }
 

@@ -9,6 +9,7 @@ mod brown_conrady;
 mod double_sphere;
 mod eucm;
 mod kannala_brandt;
+mod line;
 mod mei;
 mod ocam;
 mod of_angle;
@@ -25,8 +26,9 @@ pub use radial_polynomial::RadialPolynomial;
 
 pub(crate) use brown_conrady::Terms;
 pub(crate) use double_sphere::Spheres;
+pub(crate) use line::Line;
 
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 
 use crate::error::{Error, Result};
 use of_angle::OfAngle;
@@ -36,11 +38,19 @@ pub(crate) trait Distort {
     /// The image of direction (x, y, z), of any length, on the plane that K takes to pixels; NaN outside the domain.
     fn distort(&self, x: f64, y: f64, z: f64) -> (f64, f64);
 
-    /// For a model that begins with `(X / Z, Y / Z)`, what it does with them; NaN where they are.
+    /// For a model that begins with `(X / Z, Y / Z)`, what it makes of a straight line, in pixels.
     #[inline(always)]
-    fn after_division(&self) -> Option<impl Fn(f64, f64) -> (f64, f64)> {
-        None::<fn(f64, f64) -> (f64, f64)>
+    fn on_line(&self, _line: Line, _intrinsics: &Matrix3<f64>) -> Option<OnLine<impl Fn(f64) -> (f64, f64)>> {
+        None::<OnLine<fn(f64) -> (f64, f64)>>
     }
+}
+
+/// What a lens makes of a [`Line`].
+pub(crate) struct OnLine<F> {
+    /// The pixel of a point at m on the line, also beyond the domain.
+    pub(crate) pixel: F,
+    /// Largest m^2 of the domain; negative where the line is outside it.
+    pub(crate) end: f64,
 }
 
 /// A lens model. `pixel = K [lens(direction); 1]`: most models give what a pinhole would see, so that K holds focal

@@ -6,6 +6,17 @@ pub(super) fn value(coefficients: &[f64], x: f64) -> f64 {
     coefficients.iter().rev().fold(0.0, |sum, &coefficient| sum * x + coefficient)
 }
 
+/// p(at + scale x).
+#[inline(always)]
+pub(super) fn shifted([a, b, c, d]: [f64; 4], at: f64, scale: f64) -> [f64; 4] {
+    [
+        a + at * (b + at * (c + at * d)),
+        scale * (b + at * (2.0 * c + at * 3.0 * d)),
+        scale * scale * (c + at * 3.0 * d),
+        scale * scale * scale * d,
+    ]
+}
+
 /// p'.
 pub(super) fn derivative(coefficients: &[f64]) -> Vec<f64> {
     coefficients.iter().enumerate().skip(1).map(|(power, &coefficient)| power as f64 * coefficient).collect()
