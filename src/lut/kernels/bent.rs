@@ -101,10 +101,11 @@ fn fill_line(
 ) {
     let cells = us.len();
     let (vs, ts, zs) = (&mut vs[..cells], &offsets.t[..cells], &offsets.z[..cells]);
-    // A cone around the axis cuts a line once: where both ends are inside it, by more than rounding, all points are.
+    // A cone around the axis cuts a line once: where both ends are inside it, by more than rounding, all points are. Of
+    // two z the product must be a number as well.
     let inside = |i: usize| {
         let (z, m) = (origin_z + zs[i], (ts[i] + shift) / (origin_z + zs[i]));
-        z > 0.0 && m * m <= (1.0 - 1e-9) * end
+        (1e-150..1e150).contains(&z) && m * m <= (1.0 - 1e-9) * end
     };
     if cells > 0 && inside(0) && inside(cells - 1) {
         divide(shift, ts, origin_z, zs, us);
@@ -204,6 +205,18 @@ mod tests {
             }
         }
         seen
+    }
+
+    #[test]
+    fn points_so_far_away_that_the_product_of_two_is_infinite_are_where_they_are() {
+        let lens: Lens = BrownConrady::new(&[0.1, 0.02, 1e-3, -2e-3], None).unwrap().into();
+        let model = Pinhole::new(700.0, 710.0, 620.0, 370.0, 0.0).unwrap();
+        let pose = crate::geometry::Pose::new("pose", Matrix3::identity(), Vector3::zeros()).unwrap();
+        let camera = Camera::new(model, (1280, 720), pose).unwrap().with_lens(lens);
+        let (origin, step) = (Vector3::new(0.3, 1.2, 2.0), Vector3::new(-0.2, 0.05, 0.97));
+        let row = BentRow { origin, step, intrinsics: model.matrix(), lens: &lens };
+        let ts: Vec<f64> = (1..=40).map(|i| f64::from(i) * 1e160).collect();
+        assert_eq!(check(&row, &camera, &ts), 40);
     }
 
     #[test]
