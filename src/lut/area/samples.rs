@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::block::{LANES, ROWS, Width, lanes};
+use super::block::{LANES, ROWS, Width};
 use super::rows::{Coordinates, slope};
 use super::shape::{larger, smaller};
 use crate::cpu::Isa;
@@ -32,52 +32,46 @@ pub(super) struct Samples {
     pub(super) changes: [[Lanes; 4]; 4],
     /// From where cells sample to the middle of their footprints.
     pub(super) bend: [Lanes; 2],
-    wide: [Wide; BATCH],
+    around: [Around; 4],
 }
 
 impl Samples {
     /// Looks at up to [`BATCH`] blocks of a row of them. Of one without a valid cell the footprints are points.
     pub(super) fn read(&mut self, isa: Isa, near: &Near, width: Width, blocks: Range<usize>) {
-        let columns = width.columns();
-        read_wide(isa, near.each_ref().map(Coordinates::axes), columns, blocks.clone(), &mut self.wide);
-        for (index, block) in blocks.enumerate() {
-            let own = block * columns..(block + 1) * columns;
-            let valid = |row: usize| &near[row].valid()[own.clone()];
-            if (1..=ROWS).all(|row| valid(row) == &[1; LANES][..columns]) {
-                self.pick(index, width, width.nodes());
-                continue;
-            }
-            // columns of which both rows in the middle are told
-            let is_told = |column: &usize| valid(UPPER)[*column] & valid(UPPER + 1)[*column] != 0;
-            match ((0..columns).find(is_told), (0..columns).rfind(is_told)) {
-                (Some(first), Some(last)) => self.pick(index, width, columns_between(width, first, last)),
-                _ => self.read_row(index, near, own),
+        let axes = near.each_ref().map(Coordinates::axes);
+        let mut seen = [Seen::None; BATCH];
+        for (index, (seen, block)) in seen.iter_mut().zip(blocks.clone()).enumerate() {
+            let first = block * width.columns();
+            *seen = Seen::new(near, width, first);
+            let columns = if let Seen::At(columns) = *seen { columns } else { width.nodes() };
+            read_block(axes, first, columns, index, &mut self.around);
+        }
+        work_out(isa, &self.around, &mut self.sides, &mut self.changes, &mut self.bend);
+        for (index, (seen, block)) in seen.into_iter().zip(blocks).enumerate() {
+            match seen {
+                Seen::At(columns) => self.move_to_nodes(index, columns.map(|column| width.distance(column))),
+                Seen::None => self.read_row(index, near, block * width.columns()..(block + 1) * width.columns()),
             }
         }
     }
 
-    /// Takes what is known of a block from four of its columns.
-    fn pick(&mut self, index: usize, width: Width, columns: [usize; 4]) {
-        let Wide { upper, lower, bend } = &self.wide[index];
-        let at = columns.map(|column| width.distance(column));
-        let middle = |of_columns: &Columns| of_columns[columns[1]] + of_columns[columns[2]];
-        for (side, (upper, lower)) in upper.iter().zip(lower).enumerate() {
-            let sum = columns.map(|column| 0.25 * (lower[column] + upper[column]));
-            let difference = columns.map(|column| 0.25 * (lower[column] - upper[column]));
-            // mostly: going the other way for all blocks was a seventh of a plan's time
-            let (sides, changes) =
-                if at == NODES { (sum, difference) } else { (at_nodes(at, sum), at_nodes(at, difference)) };
-            for node in 0..NODES.len() {
-                self.sides[node][side][index] = sides[node];
-                self.changes[node][side][index] = changes[node];
-            }
+    /// Takes the sides of a block, which are at these distances from its middle, to its nodes.
+    #[inline]
+    fn move_to_nodes(&mut self, index: usize, known: [i32; 4]) {
+        // mostly: going the other way for all blocks was a seventh of a plan's time
+        if known == NODES {
+            return;
         }
-        for (to, bend) in self.bend.iter_mut().zip(bend) {
-            to[index] = 0.5 * middle(bend);
+        for of_nodes in [&mut self.sides, &mut self.changes] {
+            for side in 0..4 {
+                let sides = at_nodes(known, [0, 1, 2, 3].map(|node: usize| of_nodes[node][side][index]));
+                of_nodes.iter_mut().zip(sides).for_each(|(node, own)| node[side][index] = own);
+            }
         }
     }
 
     /// Takes what is known of a block of which at most one row in the middle is told, by any row: footprints are alike.
+    #[cold]
     fn read_row(&mut self, index: usize, near: &Near, cells: Range<usize>) {
         self.bend.iter_mut().for_each(|column| column[index] = 0.0);
         let valid = |row: usize| &near[row].valid()[cells.clone()];
@@ -94,6 +88,73 @@ impl Samples {
         for (node, changes) in self.sides.iter_mut().zip(&mut self.changes) {
             node.iter_mut().zip(sides).for_each(|(column, side)| column[index] = side);
             changes.iter_mut().for_each(|column| column[index] = 0.0);
+        }
+    }
+}
+
+/// How much of a block is valid.
+#[derive(Debug, Clone, Copy)]
+enum Seen {
+    /// The rows in the middle, so far that sides are looked at in these columns.
+    At([usize; 4]),
+    /// At most one of the rows in the middle.
+    None,
+}
+
+impl Seen {
+    /// Of the block whose cells begin at the `first`-th of each row.
+    #[inline]
+    fn new(near: &Near, width: Width, first: usize) -> Self {
+        /// A byte for each column of a block that it has.
+        const ALL: u128 = u128::MAX / 0xff;
+        let all = ALL >> (8 * (LANES - width.columns()));
+        let valid = |row: usize| {
+            let row = near[row].valid()[first..].first_chunk().expect("rows go on to the end of a block");
+            u128::from_le_bytes(*row)
+        };
+        let told = valid(UPPER) & valid(UPPER + 1) & all;
+        if told & valid(UPPER - 1) & valid(UPPER + 2) == all {
+            Self::At(width.nodes())
+        } else if told == 0 {
+            Self::None
+        } else {
+            let (first, last) = (told.trailing_zeros() / 8, told.ilog2() / 8);
+            Self::At(columns_between(width, first as usize, last as usize))
+        }
+    }
+}
+
+/// The coordinates around the cells of a column of neighbouring blocks: of x and of y a number for each block.
+#[derive(Debug, Default, Clone, Copy)]
+struct Around {
+    /// In the rows in the middle: of the cell before, of the cell and of the one after.
+    upper: [[Entries; 2]; 3],
+    lower: [[Entries; 2]; 3],
+    /// In the rows before and after these.
+    first: [Entries; 2],
+    last: [Entries; 2],
+}
+
+/// A coordinate for each block.
+type Entries = [i32; BATCH];
+
+/// Reads the coordinates around four columns of a block whose cells begin at the `first`-th of each row.
+#[inline]
+fn read_block(axes: Axes<'_>, first: usize, columns: [usize; 4], index: usize, around: &mut [Around; 4]) {
+    for axis in 0..2 {
+        // from the cell before the block's first to the one after its last
+        let row = |row: usize| -> &[i32; LANES + 2] {
+            axes[row][axis][first..].first_chunk().expect("rows go on to the end of a block, and one further")
+        };
+        let (before, upper, lower, after) = (row(UPPER - 1), row(UPPER), row(UPPER + 1), row(UPPER + 2));
+        for (around, column) in around.iter_mut().zip(columns) {
+            let column = column % LANES;
+            for step in 0..3 {
+                around.upper[step][axis][index] = upper[column + step];
+                around.lower[step][axis][index] = lower[column + step];
+            }
+            around.first[axis][index] = before[column + 1];
+            around.last[axis][index] = after[column + 1];
         }
     }
 }
@@ -134,86 +195,66 @@ fn at_nodes(known: [i32; 4], sides: [f32; 4]) -> [f32; 4] {
 /// Columns and rows of the coordinates of [`Near`]; entry i + 1 of a row is of cell i.
 type Axes<'a> = [[&'a [i32]; 2]; ROWS + 2];
 
-/// Reads neighbouring blocks: every column of which both rows in the middle have an image.
-fn read_wide(isa: Isa, axes: Axes<'_>, columns: usize, blocks: Range<usize>, wide: &mut [Wide; BATCH]) {
+/// A number for each node, each side, and each block.
+type OfNodes = [[Lanes; 4]; 4];
+
+/// Works out sides, changes and bend as [`Samples`] has them.
+fn work_out(isa: Isa, around: &[Around; 4], sides: &mut OfNodes, changes: &mut OfNodes, bend: &mut [Lanes; 2]) {
     for_each_isa!(isa, (body, body, body)(
-        axes: Axes<'_>, columns: usize, blocks: Range<usize>, wide: &mut [Wide; BATCH]
+        around: &[Around; 4], sides: &mut OfNodes, changes: &mut OfNodes, bend: &mut [Lanes; 2]
     ));
 }
 
-// No `map` and no large closures from here on: they are compiled as functions of their own, for the baseline.
-
-/// A number for each column of a block.
-type Columns = [f32; LANES];
-
-/// From the cell of each column to another one on the source: (x, y).
-type Ways = [Columns; 2];
-
-/// What is known of all columns of a block.
-#[derive(Debug, Default, Clone, Copy)]
-struct Wide {
-    /// As [`Samples::sides`] in the upper and in the lower one of the rows in the middle, twice.
-    upper: [Columns; 4],
-    lower: [Columns; 4],
-    /// As [`Samples::bend`].
-    bend: [Columns; 2],
-}
-
 #[inline(always)]
-fn body(axes: Axes<'_>, columns: usize, blocks: Range<usize>, wide: &mut [Wide; BATCH]) {
-    let [first, upper, lower, last] = [axes[UPPER - 1], axes[UPPER], axes[UPPER + 1], axes[UPPER + 2]];
-    for (wide, block) in wide.iter_mut().zip(blocks) {
-        let at = 1 + block * columns;
-        let [before_upper, after_upper] = along(upper, at);
-        let [before_lower, after_lower] = along(lower, at);
-        let [a, b, c] = tame_three(way(first, upper, at), way(upper, lower, at), way(lower, last, at));
-        for axis in 0..2 {
-            let (a, b, c) = (&a[axis], &b[axis], &c[axis]);
-            let (before, after) = (&before_upper[axis], &after_upper[axis]);
-            let (before_lower, after_lower) = (&before_lower[axis], &after_lower[axis]);
-            wide.upper[axis] = lanes(|i| before[i] + after[i]);
-            wide.lower[axis] = lanes(|i| before_lower[i] + after_lower[i]);
-            wide.upper[2 + axis] = lanes(|i| a[i] + b[i]);
-            wide.lower[2 + axis] = lanes(|i| b[i] + c[i]);
-            // second differences of the two rows, of which 1/24 is what counts
-            wide.bend[axis] =
-                lanes(|i| ((after[i] - before[i]) + (after_lower[i] - before_lower[i]) + (c[i] - a[i])) * (0.5 / 24.0));
+fn body(around: &[Around; 4], sides: &mut OfNodes, changes: &mut OfNodes, bend: &mut [Lanes; 2]) {
+    let mut bends = [[[0.0; BATCH]; 2]; 4];
+    for node in 0..NODES.len() {
+        let Around { upper, lower, first, last } = &around[node];
+        // one loop over blocks, for vectors of them
+        for i in 0..BATCH {
+            let of_row = |row: &[[Entries; 2]; 3]| {
+                let [before, at, after] = [0, 1, 2].map(|step| (row[step][0][i], row[step][1][i]));
+                tame_two(way(before, at), way(at, after))
+            };
+            let [[before, after], [below_before, below_after]] = [of_row(upper), of_row(lower)];
+            let (at_upper, at_lower) = ((upper[1][0][i], upper[1][1][i]), (lower[1][0][i], lower[1][1][i]));
+            let (at_first, at_last) = ((first[0][i], first[1][i]), (last[0][i], last[1][i]));
+            let [a, b, c] = tame_three(way(at_first, at_upper), way(at_upper, at_lower), way(at_lower, at_last));
+            let mut of_axis = |axis: usize, [before, after, below_before, below_after, a, b, c]: [f32; 7]| {
+                let of_upper = [before + after, a + b];
+                let of_lower = [below_before + below_after, b + c];
+                for side in 0..2 {
+                    sides[node][2 * side + axis][i] = 0.25 * (of_lower[side] + of_upper[side]);
+                    changes[node][2 * side + axis][i] = 0.25 * (of_lower[side] - of_upper[side]);
+                }
+                // second differences of the two rows, of which 1/24 is what counts
+                let of_rows = (after - before) + (below_after - below_before);
+                bends[node][axis][i] = (of_rows + (c - a)) * (0.5 / 24.0);
+            };
+            let ways = [before, after, below_before, below_after, a, b, c];
+            of_axis(0, ways.map(|way| way.0));
+            of_axis(1, ways.map(|way| way.1));
+        }
+    }
+    let [_, left, right, _] = &bends;
+    for axis in 0..2 {
+        for i in 0..BATCH {
+            bend[axis][i] = 0.5 * (left[axis][i] + right[axis][i]);
         }
     }
 }
 
-/// The ways from the cells before those of a row, and to those after them.
-#[inline(always)]
-fn along(row: [&[i32]; 2], at: usize) -> [Ways; 2] {
-    let mut ways = [[[0.0; LANES]; 2]; 2];
-    let [before, after] = &mut ways;
-    for (axis, row) in row.into_iter().enumerate() {
-        let (left, here, right) = (sixteen(row, at - 1), sixteen(row, at), sixteen(row, at + 1));
-        before[axis] = lanes(|i| here[i].wrapping_sub(left[i]) as f32);
-        after[axis] = lanes(|i| right[i].wrapping_sub(here[i]) as f32);
-    }
-    tame_two(ways)
-}
+/// From one cell to another on the source, (x, y). A tuple: arrays of two the compiler puts into one number.
+type Way = (f32, f32);
 
-/// The ways from the cells of a row to those of the next one.
 #[inline(always)]
-fn way(from: [&[i32]; 2], to: [&[i32]; 2], at: usize) -> Ways {
-    let mut way = [[0.0; LANES]; 2];
-    for (way, (from, to)) in way.iter_mut().zip(from.into_iter().zip(to)) {
-        let (from, to) = (sixteen(from, at), sixteen(to, at));
-        *way = lanes(|i| to[i].wrapping_sub(from[i]) as f32);
-    }
-    way
+fn way(from: (i32, i32), to: (i32, i32)) -> Way {
+    (to.0.wrapping_sub(from.0) as f32, to.1.wrapping_sub(from.1) as f32)
 }
 
 #[inline(always)]
-fn sixteen(row: &[i32], at: usize) -> &[i32; LANES] {
-    row[at..].first_chunk().expect("rows go on to the end of a block, and one further")
-}
-
-#[inline(always)]
-fn length([x, y]: &Ways) -> Columns {
-    lanes(|i| x[i].abs() + y[i].abs())
+fn length((x, y): Way) -> f32 {
+    x.abs() + y.abs()
 }
 
 /// Where one step from cell to cell is much longer than another it goes from one view into the next, and all are taken to
@@ -227,35 +268,23 @@ fn is_wild(shortest: f32, longest: f32) -> bool {
 }
 
 #[inline(always)]
-fn tame_two([mut a, mut b]: [Ways; 2]) -> [Ways; 2] {
-    let (of_a, of_b) = (length(&a), length(&b));
-    let least: Columns = lanes(|i| smaller(of_a[i], of_b[i]));
-    let most: Columns = lanes(|i| larger(of_a[i], of_b[i]));
-    for (a, b) in a.iter_mut().zip(&mut b) {
-        let shortest: Columns = lanes(|i| if of_a[i] < of_b[i] { a[i] } else { b[i] });
-        tame(a, &shortest, &least, &most);
-        tame(b, &shortest, &least, &most);
-    }
-    [a, b]
+fn tame_two(a: Way, b: Way) -> [Way; 2] {
+    let (of_a, of_b) = (length(a), length(b));
+    let wild = is_wild(smaller(of_a, of_b), larger(of_a, of_b));
+    let shortest = either(of_a < of_b, a, b);
+    [either(wild, shortest, a), either(wild, shortest, b)]
 }
 
 #[inline(always)]
-fn tame_three(mut a: Ways, mut b: Ways, mut c: Ways) -> [Ways; 3] {
-    let (of_a, of_b, of_c) = (length(&a), length(&b), length(&c));
-    let least: Columns = lanes(|i| smaller(smaller(of_a[i], of_b[i]), of_c[i]));
-    let most: Columns = lanes(|i| larger(larger(of_a[i], of_b[i]), of_c[i]));
-    for ((a, b), c) in a.iter_mut().zip(&mut b).zip(&mut c) {
-        let of_others: Columns = lanes(|i| if of_b[i] < of_c[i] { b[i] } else { c[i] });
-        let shortest: Columns = lanes(|i| if of_a[i] > least[i] { of_others[i] } else { a[i] });
-        tame(a, &shortest, &least, &most);
-        tame(b, &shortest, &least, &most);
-        tame(c, &shortest, &least, &most);
-    }
-    [a, b, c]
+fn tame_three(a: Way, b: Way, c: Way) -> [Way; 3] {
+    let (of_a, of_b, of_c) = (length(a), length(b), length(c));
+    let least = smaller(smaller(of_a, of_b), of_c);
+    let wild = is_wild(least, larger(larger(of_a, of_b), of_c));
+    let shortest = either(of_a > least, either(of_b < of_c, b, c), a);
+    [either(wild, shortest, a), either(wild, shortest, b), either(wild, shortest, c)]
 }
 
 #[inline(always)]
-fn tame(ways: &mut Columns, shortest: &Columns, least: &Columns, most: &Columns) {
-    let from = *ways;
-    *ways = lanes(|i| if is_wild(least[i], most[i]) { shortest[i] } else { from[i] });
+fn either(condition: bool, a: Way, b: Way) -> Way {
+    (if condition { a.0 } else { b.0 }, if condition { a.1 } else { b.1 })
 }
