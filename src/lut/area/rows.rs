@@ -3,8 +3,8 @@
 use super::Q;
 use super::block::LANES;
 use crate::cpu::Isa;
-use crate::lut::kernels::for_each_isa;
-use crate::lut::table::{RunKind, Segment, Table, Tap, unframed};
+use crate::lut::kernels::{for_each_isa, unpack};
+use crate::lut::table::{RunKind, Segment, Table, unframed};
 
 /// The coordinate of a cell without an image.
 pub(super) const OUTSIDE: i32 = i32::MIN;
@@ -127,27 +127,6 @@ impl Sides {
 #[inline(always)]
 fn fixed(whole: i32, fraction: u32) -> i32 {
     (whole << Q) + (fraction >> (15 - Q)) as i32
-}
-
-/// The coordinates of taps that count as [`RunKind::Inside`] says.
-fn unpack(isa: Isa, taps: &[Tap], width: u32, xs: &mut [i32], ys: &mut [i32]) {
-    #[inline(always)]
-    fn body(taps: &[Tap], width: u32, xs: &mut [i32], ys: &mut [i32]) {
-        /// Added to a float64, it leaves the nearest whole number in the low bits, also of one that is just below 0.
-        const WHOLE: f64 = 1.5 * (1u64 << 52) as f64;
-        let cells = taps.len();
-        let (xs, ys) = (&mut xs[..cells], &mut ys[..cells]);
-        let inverse_width = 1.0 / f64::from(width);
-        for i in 0..cells {
-            let tap = taps[i];
-            // The row is the whole part of (offset + 0.5) / width, which is 0.5 / width or more from a whole number, so
-            // rounding half of one less gives it.
-            let row = ((f64::from(tap.offset) + 0.5) * inverse_width - 0.5 + WHOLE).to_bits() as u32;
-            xs[i] = fixed((tap.offset - row * width) as i32, tap.fx());
-            ys[i] = fixed(row as i32, tap.fy());
-        }
-    }
-    for_each_isa!(isa, (body, body, body)(taps: &[Tap], width: u32, xs: &mut [i32], ys: &mut [i32]));
 }
 
 fn slopes(isa: Isa, before: &[i32], here: &[i32], after: &[i32], slopes: &mut [i32]) {

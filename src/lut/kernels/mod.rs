@@ -11,6 +11,7 @@ mod bent;
 mod heights;
 mod projective;
 mod quantise;
+mod unpack;
 mod widen;
 
 pub(crate) use aligned::Row;
@@ -18,6 +19,7 @@ pub(crate) use bent::{BentRow, Offsets};
 pub(crate) use heights::HeightsRow;
 pub(crate) use projective::ProjectiveRow;
 pub(crate) use quantise::{Kinds, Sampled, quantise_one};
+pub(crate) use unpack::unpack;
 pub(crate) use widen::widen;
 
 /// Compiles a function once for each instruction set, and calls the one that `isa` names: its body for scalar (and for
