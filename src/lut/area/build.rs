@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use super::block::{Block, ROWS, Width};
-use super::fit::decide;
+use super::fit::{Fitted, decide};
 use super::needs::Needs;
 use super::reach::Reaches;
 use super::samples::{BATCH, Near, Samples};
@@ -80,12 +80,11 @@ struct Builder<'a> {
     needs: Needs,
     near: Near,
     samples: Samples,
-    /// The width of the blocks of a row, these blocks, how far from the middles of footprints their probes are, and what
-    /// each reaches.
+    fitted: Fitted,
+    /// The width of the blocks of a row, these blocks, and what they reach, by batches.
     width: Width,
     blocks: Vec<Block>,
-    fars: Vec<[i32; 2]>,
-    reaches: Reaches,
+    reaches: Vec<Reaches>,
 }
 
 impl<'a> Builder<'a> {
@@ -99,10 +98,10 @@ impl<'a> Builder<'a> {
             needs: Needs::default(),
             near: std::array::from_fn(|_| Coordinates::none(table)),
             samples: Samples::default(),
+            fitted: Fitted::default(),
             width: Width::default(),
             blocks: vec![Block::BILINEAR; blocks],
-            fars: vec![[0; 2]; blocks],
-            reaches: Reaches::new(blocks),
+            reaches: vec![Reaches::default(); blocks.div_ceil(BATCH)],
         }
     }
 
@@ -127,15 +126,18 @@ impl<'a> Builder<'a> {
 
     /// Decides on the blocks of a row; they are as wide as the sides of their footprints allow.
     fn decide(&mut self) {
+        let (isa, source) = (self.isa, self.table.source());
         for width in Width::ALL {
             self.width = width;
             let count = self.table.columns().div_ceil(width.columns());
-            let batches = self.blocks[..count].chunks_mut(BATCH).zip(self.fars.chunks_mut(BATCH));
+            let batches = self.blocks[..count].chunks_mut(BATCH).zip(&mut self.reaches);
             let mut fits = true;
-            for (batch, (blocks, fars)) in batches.enumerate() {
+            for (batch, (blocks, reaches)) in batches.enumerate() {
                 let first = batch * BATCH;
-                self.samples.read(self.isa, &self.near, width, first..first + blocks.len());
-                fits &= decide(self.isa, self.table.source(), &self.samples, blocks, fars);
+                self.samples.read(isa, &self.near, width, first..first + blocks.len());
+                fits &= decide(isa, source, &self.samples, &mut self.fitted, blocks);
+                let axes = self.near.each_ref().map(Coordinates::axes);
+                reaches.read(isa, source, (width, first), &self.fitted, blocks.len(), axes);
             }
             if fits {
                 return;
@@ -145,16 +147,16 @@ impl<'a> Builder<'a> {
 
     /// Appends a row of blocks.
     fn add_row(&mut self) {
-        let source = self.table.source();
+        let (_, height) = self.table.source();
         let blocks = &self.blocks[..self.table.columns().div_ceil(self.width.columns())];
         let first = blocks.iter().position(|block| !block.is_bilinear()).unwrap_or(0);
         let end = blocks.iter().rposition(|block| !block.is_bilinear()).map_or(0, |last| last + 1);
-        let (blocks, fars) = (&mut self.blocks[first..end], &self.fars[first..end]);
-        let axes = self.near.each_ref().map(Coordinates::axes);
-        self.reaches.read(self.isa, source, self.width, first, (blocks, fars), axes);
+        let blocks = &mut self.blocks[first..end];
         let begin = self.plan.runs.len();
-        for (index, block) in (first..).zip(&*blocks).filter(|(_, block)| !block.is_bilinear()) {
-            self.needs.add(block.shape, source.1, self.reaches.entries(index, block.shape, source));
+        for (index, block) in (first..).zip(&mut *blocks).filter(|(_, block)| !block.is_bilinear()) {
+            let (reaches, of_batch) = (&self.reaches[index / BATCH], index % BATCH);
+            block.clipped = reaches.is_clipped(of_batch);
+            self.needs.add(block.shape, height, reaches.entries(of_batch));
             let run = Run::of(index, block);
             match self.plan.runs[begin..].last_mut() {
                 Some(last) if last.goes_on(&run) => last.extend(&run),

@@ -8,30 +8,26 @@ use super::stretch::Stretches;
 use crate::cpu::Isa;
 use crate::lut::kernels::for_each_isa;
 
-/// Decides on up to [`BATCH`] blocks that look at a source of this size; tells how far from the middle of a footprint its
-/// probes are at most along each axis, 1/1024 pixel. False where blocks should be narrower.
+/// Decides on up to [`BATCH`] blocks that look at a source of this size. False where blocks should be narrower.
 pub(super) fn decide(
     isa: Isa,
     source: (u32, u32),
     samples: &Samples,
+    fitted: &mut Fitted,
     blocks: &mut [Block],
-    fars: &mut [[i32; 2]],
 ) -> bool {
     let typical = typical(samples);
-    let mut shapes = [0; BATCH];
-    choose(isa, largest_logs(source), &typical, &mut shapes);
-    let stretches = Stretches::new(isa, &typical, &shapes);
-    let mut fitted = Fitted::default();
-    fit(isa, (samples, &typical), &stretches, &shapes, &mut fitted);
+    choose(isa, largest_logs(source), &typical, &mut fitted.shapes);
+    let stretches = Stretches::new(isa, &typical, &fitted.shapes);
+    fit(isa, samples, &typical, &stretches, fitted);
     let mut fits = true;
-    for (index, (block, far)) in blocks.iter_mut().zip(fars).enumerate() {
-        let shape = Shape::unpacked(shapes[index]);
+    for (index, block) in blocks.iter_mut().enumerate() {
+        let shape = Shape::unpacked(fitted.shapes[index]);
         if shape == Shape::BILINEAR {
             *block = Block::BILINEAR;
             continue;
         }
-        *far = [fitted.far[0][index], fitted.far[1][index]];
-        let Fitted { coefficients, changes, offset, shift, .. } = &fitted;
+        let Fitted { coefficients, changes, offset, shift, .. } = &*fitted;
         *block = Block {
             coefficients: std::array::from_fn(|number| coefficients[number][index] as i16),
             changes: std::array::from_fn(|number| changes[number][index] as i16),
@@ -60,41 +56,28 @@ fn typical(samples: &Samples) -> [[f32; BATCH]; 4] {
 }
 
 /// Numbers of blocks, which fit those of [`Block`].
-#[derive(Default)]
-struct Fitted {
+#[derive(Debug, Default)]
+pub(super) struct Fitted {
+    /// As bytes.
+    pub(super) shapes: [u32; BATCH],
     coefficients: [[i32; BATCH]; 16],
     changes: [[i32; BATCH]; 16],
-    offset: [[i32; BATCH]; 2],
+    pub(super) offset: [[i32; BATCH]; 2],
     shift: [u32; BATCH],
-    far: [[i32; BATCH]; 2],
+    /// How far from the middle of a footprint its probes are at most along each axis, 1/1024 pixel.
+    pub(super) far: [[i32; BATCH]; 2],
     /// See [`MOST_CHANGE`].
     change: [f32; BATCH],
 }
 
-fn fit(
-    isa: Isa,
-    (samples, typical): (&Samples, &[[f32; BATCH]; 4]),
-    stretches: &Stretches,
-    shapes: &[u32; BATCH],
-    fitted: &mut Fitted,
-) {
+fn fit(isa: Isa, samples: &Samples, typical: &[[f32; BATCH]; 4], stretches: &Stretches, fitted: &mut Fitted) {
     for_each_isa!(isa, (body, body, body)(
-        samples: &Samples,
-        typical: &[[f32; BATCH]; 4],
-        stretches: &Stretches,
-        shapes: &[u32; BATCH],
-        fitted: &mut Fitted,
+        samples: &Samples, typical: &[[f32; BATCH]; 4], stretches: &Stretches, fitted: &mut Fitted
     ));
 }
 
 #[inline(always)]
-fn body(
-    samples: &Samples,
-    typical: &[[f32; BATCH]; 4],
-    stretches: &Stretches,
-    shapes: &[u32; BATCH],
-    fitted: &mut Fitted,
-) {
+fn body(samples: &Samples, typical: &[[f32; BATCH]; 4], stretches: &Stretches, fitted: &mut Fitted) {
     // one loop, and no closures: of loops in loops the compiler gathers and scatters lanes
     for i in 0..BATCH {
         let ([a, b, c, d], [of_a, of_b, of_c, of_d]) = (&samples.sides, &samples.changes);
@@ -144,7 +127,7 @@ fn body(
         }
         // of n probes the outermost are half a side, less half the distance between two, from the middle
         let outermost = |count: u32| 0.5 - 0.5 / (count as f32);
-        let (along, down) = (outermost(shapes[i] >> 16 & 0xff), outermost(shapes[i] >> 24));
+        let (along, down) = (outermost(fitted.shapes[i] >> 16 & 0xff), outermost(fitted.shapes[i] >> 24));
         for axis in 0..2 {
             // rounded coefficients are half a unit off, products and sums another one
             let far = (most[axis] * along + most[2 + axis] * down) * unit + 4.0;

@@ -162,11 +162,13 @@ pub(crate) struct Level {
 
 impl Level {
     /// log2 of the source's pixels from a box of `2^k` pixels to the next: boxes overlap by half.
+    #[inline(always)]
     pub(crate) fn log_step(k: u32) -> u32 {
         k.saturating_sub(1)
     }
 
     /// How many boxes of `2^k` pixels there are along a side of the source.
+    #[inline(always)]
     pub(crate) fn boxes(side: u32, k: u32) -> u32 {
         ((side - (1 << k)) >> Self::log_step(k)) + 1
     }
