@@ -2,12 +2,12 @@
 
 use std::ops::Range;
 
-use super::block::{Block, ROWS, Width};
+use super::block::{Block, LANES, ROWS, Width};
 use super::fit::{Fitted, decide};
 use super::needs::Needs;
 use super::reach::Reaches;
 use super::samples::{BATCH, Near, Samples};
-use super::{Coordinates, Plan, RowEnd, Run};
+use super::{Band, Coordinates, Plan, RowEnd, Run};
 use crate::cpu::Isa;
 use crate::error::{Error, Result};
 use crate::lut::table::Table;
@@ -46,29 +46,8 @@ impl Plan {
             let first = index * band_rows;
             *job = Some(Builder::new(isa, table).run(first..(first + band_rows).min(block_rows)));
         });
-        let (mut needs, mut plan) = (Needs::default(), Self::default());
-        for (band, own) in jobs.into_iter().flatten() {
-            needs.merge(own);
-            plan.append(band);
-        }
-        plan.levels = needs.levels();
-        Ok(plan)
-    }
-
-    /// Takes in the rows that follow.
-    fn append(&mut self, other: Self) {
-        if self.ends.is_empty() {
-            *self = other;
-            return;
-        }
-        let begin = RowEnd { runs: self.runs.len() as u32, blocks: self.blocks.len() as u32, ..RowEnd::default() };
-        self.ends.extend(other.ends.into_iter().map(|end| RowEnd {
-            runs: begin.runs + end.runs,
-            blocks: begin.blocks + end.blocks,
-            ..end
-        }));
-        self.runs.extend(other.runs);
-        self.blocks.extend(other.blocks);
+        let (bands, needs): (Vec<_>, Vec<_>) = jobs.into_iter().flatten().unzip();
+        Ok(Self { levels: Needs::merged(needs).levels(), bands, band_rows, ..Self::default() })
     }
 }
 
@@ -76,7 +55,7 @@ impl Plan {
 struct Builder<'a> {
     isa: Isa,
     table: &'a Table,
-    plan: Plan,
+    band: Band,
     needs: Needs,
     near: Near,
     samples: Samples,
@@ -94,7 +73,7 @@ impl<'a> Builder<'a> {
         Self {
             isa,
             table,
-            plan: Plan::default(),
+            band: Band::default(),
             needs: Needs::default(),
             near: std::array::from_fn(|_| Coordinates::none(table)),
             samples: Samples::default(),
@@ -106,7 +85,9 @@ impl<'a> Builder<'a> {
     }
 
     /// Makes the plan of rows of blocks.
-    fn run(mut self, rows: Range<usize>) -> (Plan, Needs) {
+    fn run(mut self, rows: Range<usize>) -> (Band, Needs) {
+        // no page is touched that is not needed
+        self.band.blocks.reserve(rows.len() * self.table.columns().div_ceil(LANES));
         let first = rows.start * ROWS;
         let (last, next) = (ROWS, ROWS + 1);
         self.near[last].read(self.isa, self.table, first.checked_sub(1));
@@ -121,7 +102,8 @@ impl<'a> Builder<'a> {
             self.add_row();
         }
         self.needs.flush(self.table.source().1);
-        (self.plan, self.needs)
+        self.band.blocks.shrink_to_fit();
+        (self.band, self.needs)
     }
 
     /// Decides on the blocks of a row; they are as wide as the sides of their footprints allow.
@@ -152,21 +134,21 @@ impl<'a> Builder<'a> {
         let first = blocks.iter().position(|block| !block.is_bilinear()).unwrap_or(0);
         let end = blocks.iter().rposition(|block| !block.is_bilinear()).map_or(0, |last| last + 1);
         let blocks = &mut self.blocks[first..end];
-        let begin = self.plan.runs.len();
+        let begin = self.band.runs.len();
         for (index, block) in (first..).zip(&mut *blocks).filter(|(_, block)| !block.is_bilinear()) {
             let (reaches, of_batch) = (&self.reaches[index / BATCH], index % BATCH);
             block.clipped = reaches.is_clipped(of_batch);
             self.needs.add(block.shape, height, reaches.entries(of_batch));
             let run = Run::of(index, block);
-            match self.plan.runs[begin..].last_mut() {
+            match self.band.runs[begin..].last_mut() {
                 Some(last) if last.goes_on(&run) => last.extend(&run),
-                _ => self.plan.runs.push(run),
+                _ => self.band.runs.push(run),
             }
         }
-        self.plan.blocks.extend_from_slice(blocks);
-        self.plan.ends.push(RowEnd {
-            runs: self.plan.runs.len() as u32,
-            blocks: self.plan.blocks.len() as u32,
+        self.band.blocks.extend_from_slice(blocks);
+        self.band.ends.push(RowEnd {
+            runs: self.band.runs.len() as u32,
+            blocks: self.band.blocks.len() as u32,
             first_block: first as u32,
             width: self.width,
         });
@@ -186,7 +168,7 @@ mod tests {
         let lut = Lut::new(&camera, &grid, &Ground::default()).expect("a good table");
         let plans: Vec<_> = Isa::available().iter().map(|&isa| Plan::new(isa, lut.table()).expect("a plan")).collect();
         let text = format!("{:?}", plans[0]);
-        let (levels, runs) = (plans[0].levels.len(), plans[0].runs.len());
+        let (levels, runs) = (plans[0].levels.len(), plans[0].bands[0].runs.len());
         assert!(levels > 2 && runs > 50, "{levels} {runs}: too plain a plan to tell");
         assert!(plans.iter().all(|plan| format!("{plan:?}") == text));
     }

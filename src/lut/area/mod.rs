@@ -36,12 +36,20 @@ pub(crate) const Q: u32 = 10;
 pub(crate) struct Plan {
     /// The levels that shapes refer to, and which part of each is needed.
     pub(crate) levels: Vec<Level>,
-    /// For each row of blocks where its runs and blocks end.
+    /// The blocks, in bands of so many rows of them.
+    bands: Vec<Band>,
+    band_rows: usize,
+    /// Room for levels that a warp has given back.
+    pub(crate) pool: Mutex<Vec<Vec<u64>>>,
+}
+
+/// Rows of blocks whose plan was made at once.
+#[derive(Debug, Default)]
+struct Band {
+    /// For each row where its runs and blocks end.
     ends: Vec<RowEnd>,
     runs: Vec<Run>,
     blocks: Vec<Block>,
-    /// Room for levels that a warp has given back.
-    pub(crate) pool: Mutex<Vec<Vec<u64>>>,
 }
 
 /// Where the runs and blocks of a row of blocks end, and the first of its blocks that is not bilinear.
@@ -178,9 +186,8 @@ impl Plan {
     /// Bytes that it holds.
     pub(crate) fn nbytes(&self) -> usize {
         let pooled = self.pool.try_lock().map_or(0, |pool| pool.iter().map(|room| 8 * room.capacity()).sum());
-        size_of_val(&*self.ends)
-            + size_of_val(&*self.runs)
-            + size_of_val(&*self.blocks)
+        let of_band = |band: &Band| size_of_val(&*band.ends) + size_of_val(&*band.runs) + size_of_val(&*band.blocks);
+        self.bands.iter().map(of_band).sum::<usize>()
             + self.levels.iter().map(|level| size_of_val(&*level.columns)).sum::<usize>()
             + pooled
     }
@@ -188,11 +195,12 @@ impl Plan {
     /// How a row of the table is averaged.
     pub(crate) fn row(&self, row: usize) -> RowPlan<'_> {
         let (block_row, row) = (row / ROWS, row % ROWS);
-        let begin = if block_row == 0 { RowEnd::default() } else { self.ends[block_row - 1] };
-        let end = self.ends[block_row];
+        let (band, block_row) = (&self.bands[block_row / self.band_rows], block_row % self.band_rows);
+        let begin = if block_row == 0 { RowEnd::default() } else { band.ends[block_row - 1] };
+        let end = band.ends[block_row];
         RowPlan {
-            runs: &self.runs[begin.runs as usize..end.runs as usize],
-            blocks: &self.blocks[begin.blocks as usize..end.blocks as usize],
+            runs: &band.runs[begin.runs as usize..end.runs as usize],
+            blocks: &band.blocks[begin.blocks as usize..end.blocks as usize],
             first_block: end.first_block as usize,
             width: end.width,
             row,

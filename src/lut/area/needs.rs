@@ -6,10 +6,19 @@ use super::{Level, Shape};
 
 #[derive(Default)]
 pub(super) struct Needs {
-    /// (kx, ky), and the columns of each row of the whole level.
-    levels: Vec<(u8, u8, Vec<Columns>)>,
+    levels: Vec<Need>,
     /// What was added last: blocks side by side mostly look at the same rows.
     last: Option<Rectangle>,
+}
+
+/// What is needed of a level.
+struct Need {
+    kx: u8,
+    ky: u8,
+    /// Of each row of the whole level.
+    columns: Vec<Columns>,
+    /// All rows of which something is needed are among these.
+    rows: Range<usize>,
 }
 
 /// Entries of the level of a shape.
@@ -20,13 +29,16 @@ struct Rectangle {
 }
 
 impl Needs {
-    fn level(&mut self, kx: u8, ky: u8, rows: usize) -> &mut [Columns] {
-        let found = self.levels.iter().position(|level| (level.0, level.1) == (kx, ky));
+    /// Rows of a level, which has so many.
+    fn rows(&mut self, kx: u8, ky: u8, count: usize, rows: Range<usize>) -> &mut [Columns] {
+        let found = self.levels.iter().position(|need| (need.kx, need.ky) == (kx, ky));
         let index = found.unwrap_or_else(|| {
-            self.levels.push((kx, ky, vec![Columns::default(); rows]));
+            self.levels.push(Need { kx, ky, columns: vec![Columns::default(); count], rows: rows.clone() });
             self.levels.len() - 1
         });
-        &mut self.levels[index].2
+        let need = &mut self.levels[index];
+        need.rows = need.rows.start.min(rows.start)..need.rows.end.max(rows.end);
+        &mut need.columns[rows]
     }
 
     /// Adds a rectangle of the level of a shape, of a source of this height.
@@ -48,28 +60,32 @@ impl Needs {
         if shape.halvings() == 0 {
             return; // the source itself
         }
-        let level = self.level(shape.kx, shape.ky, Level::boxes(height, shape.ky.into()) as usize);
-        level[rows.start as usize..rows.end as usize].iter_mut().for_each(|row| row.add(&columns));
+        let count = Level::boxes(height, shape.ky.into()) as usize;
+        let rows = self.rows(shape.kx, shape.ky, count, rows.start as usize..rows.end as usize);
+        rows.iter_mut().for_each(|row| row.add(&columns));
     }
 
-    /// Adds those of another, both flushed.
-    pub(super) fn merge(&mut self, other: Self) {
-        for (kx, ky, rows) in other.levels {
-            for (own, Columns(ranges)) in self.level(kx, ky, rows.len()).iter_mut().zip(rows) {
+    /// Those of all, which are flushed.
+    pub(super) fn merged(parts: Vec<Self>) -> Self {
+        let mut parts = parts.into_iter();
+        let mut all = parts.next().unwrap_or_default();
+        for Need { kx, ky, columns, rows } in parts.flat_map(|part| part.levels) {
+            let into = all.rows(kx, ky, columns.len(), rows.clone());
+            for (own, Columns(ranges)) in into.iter_mut().zip(&columns[rows]) {
                 ranges.iter().for_each(|range| own.add(range));
             }
         }
+        all
     }
 
     /// The levels, in an order that does not depend on that of the bands.
     pub(super) fn levels(mut self) -> Vec<Level> {
-        self.levels.sort_by_key(|level| (level.1, level.0));
-        let level = |(kx, ky, mut rows): (u8, u8, Vec<Columns>)| {
-            let first = rows.iter().position(|row| !row.is_empty()).unwrap_or(0);
-            let end = rows.iter().rposition(|row| !row.is_empty()).map_or(first, |last| last + 1);
-            rows.truncate(end);
-            rows.drain(..first);
-            Level { kx: kx.into(), ky: ky.into(), first_row: first as u32, columns: rows }
+        self.levels.sort_by_key(|need| (need.ky, need.kx));
+        let level = |Need { kx, ky, columns, rows }: Need| Level {
+            kx: kx.into(),
+            ky: ky.into(),
+            first_row: rows.start as u32,
+            columns: columns[rows].to_vec(),
         };
         self.levels.into_iter().map(level).collect()
     }
@@ -84,10 +100,6 @@ impl Needs {
 pub(crate) struct Columns(pub(crate) [Range<u32>; 2]);
 
 impl Columns {
-    fn is_empty(&self) -> bool {
-        is_none(&self.0[0])
-    }
-
     /// Adds a range; what does not fit two ranges is taken into one with the nearest.
     fn add(&mut self, range: &Range<u32>) {
         if is_none(range) {
@@ -156,7 +168,7 @@ mod tests {
             let Columns([left, right]) = &columns;
             let holds = |column: &u32| left.contains(column) || right.contains(column);
             assert!(added.iter().all(holds), "{added:?} {columns:?}");
-            assert_eq!(columns.is_empty(), added.is_empty());
+            assert_eq!(is_none(left), added.is_empty());
             assert!(is_none(right) || (!is_none(left) && left.end < right.start), "{columns:?}");
         }
         let mut columns = Columns::default();
