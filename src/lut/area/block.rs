@@ -36,7 +36,7 @@ impl Width {
     }
 
     /// Columns at which sides are looked at: about where Chebyshev's polynomial of degree four is zero.
-    pub(super) fn nodes(self) -> [usize; 4] {
+    pub(super) const fn nodes(self) -> [usize; 4] {
         match self.0 {
             0 => [1, 5, 10, 14],
             1 => [0, 2, 5, 7],

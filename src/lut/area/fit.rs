@@ -1,7 +1,7 @@
 //! From what is known of blocks to how they are averaged.
 
 use super::Q;
-use super::block::{Block, ROWS, lanes, polynomials};
+use super::block::{Block, ROWS, polynomials};
 use super::samples::{BATCH, NODES, Samples};
 use super::shape::{Shape, choose, larger, largest_logs, smaller, steepness};
 use super::stretch::Stretches;
@@ -16,10 +16,11 @@ pub(super) fn decide(
     fitted: &mut Fitted,
     blocks: &mut [Block],
 ) -> bool {
-    let typical = typical(samples);
+    let mut typical = [[0.0; BATCH]; 4];
+    look_at_middles(isa, samples, &mut typical, fitted);
     choose(isa, largest_logs(source), &typical, &mut fitted.shapes);
     let stretches = Stretches::new(isa, &typical, &fitted.shapes);
-    fit(isa, samples, &typical, &stretches, fitted);
+    fit(isa, samples, &stretches, fitted);
     let mut fits = true;
     for (index, block) in blocks.iter_mut().enumerate() {
         let shape = Shape::unpacked(fitted.shapes[index]);
@@ -45,14 +46,31 @@ pub(super) fn decide(
 /// road is seen steeply. Elsewhere what changes is the slant of slivers, which does not matter.
 const MOST_CHANGE: f32 = 0.2;
 
-/// The sides in the middle of each block, in pixels: the mean of those at the nodes beside it.
-fn typical(samples: &Samples) -> [[f32; BATCH]; 4] {
-    const PIXEL: f32 = 1.0 / (1 << Q) as f32;
-    let ([_, left, right, _], mut typical) = (&samples.sides, [[0.0; BATCH]; 4]);
-    for (typical, (left, right)) in typical.iter_mut().zip(left.iter().zip(right)) {
-        *typical = lanes(|i| (left[i] + right[i]) * (0.5 * PIXEL));
+/// Works out the sides in the middle of each block, in pixels, the mean of those at the nodes beside it; and how much they
+/// change from there, and the offsets of footprints.
+fn look_at_middles(isa: Isa, samples: &Samples, typical: &mut [[f32; BATCH]; 4], fitted: &mut Fitted) {
+    #[inline(always)]
+    fn body(samples: &Samples, typical: &mut [[f32; BATCH]; 4], fitted: &mut Fitted) {
+        const PIXEL: f32 = 1.0 / (1 << Q) as f32;
+        for i in 0..BATCH {
+            let (mut change, mut length) = (0.0, 1024.0);
+            for side in 0..4 {
+                let [a, b, c, d] = samples.sides[side][i];
+                typical[side][i] = (b + c) * (0.5 * PIXEL);
+                let middle = typical[side][i] * f32::from(1u16 << Q);
+                change = larger(change, larger((a - middle).abs(), (d - middle).abs()));
+                length = larger(length, middle.abs());
+            }
+            let [ax, ay, bx, by] = [typical[0][i], typical[1][i], typical[2][i], typical[3][i]];
+            let steep = steepness((ax * by - ay * bx).abs(), ax * ax + ay * ay + bx * bx + by * by);
+            fitted.change[i] = if steep > 0.0 { change / length } else { 0.0 };
+            for axis in 0..2 {
+                let [a, b, c, d] = samples.bends[axis][i];
+                fitted.offset[axis][i] = whole(0.5 * (b + c) + 0.0 * (a + d), i16::MAX.into());
+            }
+        }
     }
-    typical
+    for_each_isa!(isa, (body, body, body)(samples: &Samples, typical: &mut [[f32; BATCH]; 4], fitted: &mut Fitted));
 }
 
 /// Numbers of blocks, which fit those of [`Block`].
@@ -70,25 +88,20 @@ pub(super) struct Fitted {
     change: [f32; BATCH],
 }
 
-fn fit(isa: Isa, samples: &Samples, typical: &[[f32; BATCH]; 4], stretches: &Stretches, fitted: &mut Fitted) {
+fn fit(isa: Isa, samples: &Samples, stretches: &Stretches, fitted: &mut Fitted) {
     for_each_isa!(isa, (body, body, body)(
-        samples: &Samples, typical: &[[f32; BATCH]; 4], stretches: &Stretches, fitted: &mut Fitted
+        samples: &Samples, stretches: &Stretches, fitted: &mut Fitted
     ));
 }
 
 #[inline(always)]
-fn body(samples: &Samples, typical: &[[f32; BATCH]; 4], stretches: &Stretches, fitted: &mut Fitted) {
+fn body(samples: &Samples, stretches: &Stretches, fitted: &mut Fitted) {
     // one loop, and no closures: of loops in loops the compiler gathers and scatters lanes
     for i in 0..BATCH {
-        let ([a, b, c, d], [of_a, of_b, of_c, of_d]) = (&samples.sides, &samples.changes);
         let (mut sides, mut changes) = ([[0.0; 4]; 4], [[0.0; 4]; 4]);
-        let (mut change, mut length) = (0.0, 1024.0);
         for side in 0..4 {
-            let middle = typical[side][i] * f32::from(1u16 << Q);
-            change = larger(change, larger((a[side][i] - middle).abs(), (d[side][i] - middle).abs()));
-            length = larger(length, middle.abs());
-            sides[side] = polynomial([a[side][i], b[side][i], c[side][i], d[side][i]]);
-            changes[side] = polynomial([of_a[side][i], of_b[side][i], of_c[side][i], of_d[side][i]]);
+            sides[side] = polynomial(samples.sides[side][i]);
+            changes[side] = polynomial(samples.changes[side][i]);
         }
         let (xx, yx, yy) = (stretches.xx[i], stretches.yx[i], stretches.yy[i]);
         let (mut most, mut longest) = ([0.0; 4], 0.0);
@@ -119,12 +132,6 @@ fn body(samples: &Samples, typical: &[[f32; BATCH]; 4], stretches: &Stretches, f
             }
         }
         fitted.shift[i] = shift;
-        let [ax, ay, bx, by] = [typical[0][i], typical[1][i], typical[2][i], typical[3][i]];
-        let steep = steepness((ax * by - ay * bx).abs(), ax * ax + ay * ay + bx * bx + by * by);
-        fitted.change[i] = if steep > 0.0 { change / length } else { 0.0 };
-        for side in 0..2 {
-            fitted.offset[side][i] = whole(samples.bend[side][i], i16::MAX.into());
-        }
         // of n probes the outermost are half a side, less half the distance between two, from the middle
         let outermost = |count: u32| 0.5 - 0.5 / (count as f32);
         let (along, down) = (outermost(fitted.shapes[i] >> 16 & 0xff), outermost(fitted.shapes[i] >> 24));

@@ -17,55 +17,47 @@ pub(super) const NODES: [i32; 4] = [-13, -5, 5, 13];
 /// The coordinates of a row of blocks, and of the rows before and after it.
 pub(super) type Near = [Coordinates; ROWS + 2];
 
+/// The nodes of the widest blocks.
+const WIDE: [usize; 4] = Width::ALL[0].nodes();
+
 /// The upper one of the two rows in the middle.
 const UPPER: usize = ROWS / 2;
 
-/// A number for each block.
-type Lanes = [f32; BATCH];
+/// For each block a number for each of four columns.
+pub(super) type Fours<T> = [[T; 4]; BATCH];
 
 /// Of neighbouring blocks, an array for each number; all in 1/1024 pixel.
 #[derive(Debug, Default)]
 pub(super) struct Samples {
-    /// At each node, x and y of the side along the output's row, then of the side down its columns, in the block's middle;
+    /// x and y of the side along the output's row, then of the side down its columns: at each node, in the block's middle;
     /// and by how much they change in half a row.
-    pub(super) sides: [[Lanes; 4]; 4],
-    pub(super) changes: [[Lanes; 4]; 4],
-    /// From where cells sample to the middle of their footprints.
-    pub(super) bend: [Lanes; 2],
-    around: [Around; 4],
+    pub(super) sides: [Fours<f32>; 4],
+    pub(super) changes: [Fours<f32>; 4],
+    /// From where cells sample to the middle of their footprints, at each node.
+    pub(super) bends: [Fours<f32>; 2],
+    around: Around,
 }
 
 impl Samples {
     /// Looks at up to [`BATCH`] blocks of a row of them. Of one without a valid cell the footprints are points.
     pub(super) fn read(&mut self, isa: Isa, near: &Near, width: Width, blocks: Range<usize>) {
-        let axes = near.each_ref().map(Coordinates::axes);
         let mut seen = [Seen::None; BATCH];
-        for (index, (seen, block)) in seen.iter_mut().zip(blocks.clone()).enumerate() {
-            let first = block * width.columns();
-            *seen = Seen::new(near, width, first);
-            let columns = if let Seen::At(columns) = *seen { columns } else { width.nodes() };
-            read_block(axes, first, columns, index, &mut self.around);
+        for (seen, block) in seen.iter_mut().zip(blocks.clone()) {
+            *seen = Seen::new(near, width, block * width.columns());
         }
-        work_out(isa, &self.around, &mut self.sides, &mut self.changes, &mut self.bend);
+        let axes = near.each_ref().map(Coordinates::axes);
+        read_blocks(isa, axes, width, blocks.start, &seen[..blocks.len()], &mut self.around);
+        work_out(isa, &self.around, &mut self.sides, &mut self.changes, &mut self.bends);
         for (index, (seen, block)) in seen.into_iter().zip(blocks).enumerate() {
             match seen {
-                Seen::At(columns) => self.move_to_nodes(index, columns.map(|column| width.distance(column))),
+                Seen::At(columns) => {
+                    // in rows of blocks that are seen wholly and are wide there is nothing to move
+                    let at = columns.map(|column| width.distance(column));
+                    if at != NODES {
+                        move_to_nodes(at, [&mut self.sides, &mut self.changes], index);
+                    }
+                }
                 Seen::None => self.read_row(index, near, block * width.columns()..(block + 1) * width.columns()),
-            }
-        }
-    }
-
-    /// Takes the sides of a block, which are at these distances from its middle, to its nodes.
-    #[inline]
-    fn move_to_nodes(&mut self, index: usize, known: [i32; 4]) {
-        // mostly: going the other way for all blocks was a seventh of a plan's time
-        if known == NODES {
-            return;
-        }
-        for of_nodes in [&mut self.sides, &mut self.changes] {
-            for side in 0..4 {
-                let sides = at_nodes(known, [0, 1, 2, 3].map(|node: usize| of_nodes[node][side][index]));
-                of_nodes.iter_mut().zip(sides).for_each(|(node, own)| node[side][index] = own);
             }
         }
     }
@@ -73,7 +65,7 @@ impl Samples {
     /// Takes what is known of a block of which at most one row in the middle is told, by any row: footprints are alike.
     #[cold]
     fn read_row(&mut self, index: usize, near: &Near, cells: Range<usize>) {
-        self.bend.iter_mut().for_each(|column| column[index] = 0.0);
+        self.bends.iter_mut().for_each(|axis| axis[index] = [0.0; 4]);
         let valid = |row: usize| &near[row].valid()[cells.clone()];
         let told = (1..=ROWS).find_map(|row| {
             let columns = [valid(row).iter().position(|&is| is != 0)?, valid(row).iter().rposition(|&is| is != 0)?];
@@ -85,10 +77,8 @@ impl Samples {
             let down = |axis: usize| slope(above[axis][at], here[axis][at], below[axis][at]) as f32;
             [along(0), along(1), down(0), down(1)]
         });
-        for (node, changes) in self.sides.iter_mut().zip(&mut self.changes) {
-            node.iter_mut().zip(sides).for_each(|(column, side)| column[index] = side);
-            changes.iter_mut().for_each(|column| column[index] = 0.0);
-        }
+        self.sides.iter_mut().zip(sides).for_each(|(of_blocks, side)| of_blocks[index] = [side; 4]);
+        self.changes.iter_mut().for_each(|of_blocks| of_blocks[index] = [0.0; 4]);
     }
 }
 
@@ -124,38 +114,52 @@ impl Seen {
     }
 }
 
-/// The coordinates around the cells of a column of neighbouring blocks: of x and of y a number for each block.
-#[derive(Debug, Default, Clone, Copy)]
+/// The coordinates around the cells of four columns of neighbouring blocks, of x and of y.
+#[derive(Debug, Default)]
 struct Around {
     /// In the rows in the middle: of the cell before, of the cell and of the one after.
-    upper: [[Entries; 2]; 3],
-    lower: [[Entries; 2]; 3],
+    upper: [[Fours<i32>; 2]; 3],
+    lower: [[Fours<i32>; 2]; 3],
     /// In the rows before and after these.
-    first: [Entries; 2],
-    last: [Entries; 2],
+    first: [Fours<i32>; 2],
+    last: [Fours<i32>; 2],
 }
 
-/// A coordinate for each block.
-type Entries = [i32; BATCH];
+/// Reads neighbouring blocks, the first of which is the `first`-th of its row.
+fn read_blocks(isa: Isa, axes: Axes<'_>, width: Width, first: usize, seen: &[Seen], around: &mut Around) {
+    #[inline(always)]
+    fn body(axes: Axes<'_>, width: Width, first: usize, seen: &[Seen], around: &mut Around) {
+        for (index, seen) in seen.iter().enumerate() {
+            let own = (first + index) * width.columns();
+            match seen {
+                // columns that are known are read by vectors
+                Seen::At(WIDE) => read_block(axes, own, WIDE, index, around),
+                Seen::At(columns) => read_block(axes, own, *columns, index, around),
+                Seen::None => {}
+            }
+        }
+    }
+    for_each_isa!(isa, (body, body, body)(
+        axes: Axes<'_>, width: Width, first: usize, seen: &[Seen], around: &mut Around
+    ));
+}
 
-/// Reads the coordinates around four columns of a block whose cells begin at the `first`-th of each row.
-#[inline]
-fn read_block(axes: Axes<'_>, first: usize, columns: [usize; 4], index: usize, around: &mut [Around; 4]) {
+/// Reads a block whose cells begin at the `first`-th of each row.
+#[inline(always)]
+fn read_block(axes: Axes<'_>, first: usize, columns: [usize; 4], index: usize, around: &mut Around) {
     for axis in 0..2 {
         // from the cell before the block's first to the one after its last
         let row = |row: usize| -> &[i32; LANES + 2] {
             axes[row][axis][first..].first_chunk().expect("rows go on to the end of a block, and one further")
         };
+        let of_columns = |row: &[i32; LANES + 2], step: usize| columns.map(|column| row[column % LANES + step]);
         let (before, upper, lower, after) = (row(UPPER - 1), row(UPPER), row(UPPER + 1), row(UPPER + 2));
-        for (around, column) in around.iter_mut().zip(columns) {
-            let column = column % LANES;
-            for step in 0..3 {
-                around.upper[step][axis][index] = upper[column + step];
-                around.lower[step][axis][index] = lower[column + step];
-            }
-            around.first[axis][index] = before[column + 1];
-            around.last[axis][index] = after[column + 1];
+        for step in 0..3 {
+            around.upper[step][axis][index] = of_columns(upper, step);
+            around.lower[step][axis][index] = of_columns(lower, step);
         }
+        around.first[axis][index] = of_columns(before, 1);
+        around.last[axis][index] = of_columns(after, 1);
     }
 }
 
@@ -172,75 +176,73 @@ fn columns_between(width: Width, first: usize, last: usize) -> [usize; 4] {
     }
 }
 
-/// The sides at the nodes that follow from those at four distances from a block's middle: by the cubic through them, the
-/// line if these are two, or none but the same if they are one.
+/// Takes the sides of a block from four distances from its middle to its nodes: by the cubic through them, the line if these
+/// are two, or none but the same if they are one.
 #[cold]
-fn at_nodes(known: [i32; 4], sides: [f32; 4]) -> [f32; 4] {
+fn move_to_nodes(known: [i32; 4], sides: [&mut [Fours<f32>; 4]; 2], index: usize) {
     if known[0] == known[3] {
-        return sides;
+        return;
     }
     let part = |at: i32, from: i32, to: i32| (at - from) as f32 / (to - from) as f32;
-    NODES.map(|node| {
-        if known[0] == known[1] {
-            return sides[0] + part(node, known[0], known[3]) * (sides[3] - sides[0]);
-        }
-        // Lagrange's
-        let weight = |own: usize| {
+    let ends = NODES.map(|node| part(node, known[0], known[3]));
+    // Lagrange's
+    let weights = NODES.map(|node| {
+        [0, 1, 2, 3].map(|own| {
             (0..4).filter(|&other| other != own).map(|other| part(node, known[other], known[own])).product::<f32>()
+        })
+    });
+    for side in sides.into_iter().flatten() {
+        let old = side[index];
+        side[index] = if known[0] == known[1] {
+            ends.map(|part| old[0] + part * (old[3] - old[0]))
+        } else {
+            weights.map(|weights| (0..4).map(|own| weights[own] * old[own]).sum())
         };
-        (0..4).map(|own| weight(own) * sides[own]).sum()
-    })
+    }
 }
 
 /// Columns and rows of the coordinates of [`Near`]; entry i + 1 of a row is of cell i.
 type Axes<'a> = [[&'a [i32]; 2]; ROWS + 2];
 
-/// A number for each node, each side, and each block.
-type OfNodes = [[Lanes; 4]; 4];
-
-/// Works out sides, changes and bend as [`Samples`] has them.
-fn work_out(isa: Isa, around: &[Around; 4], sides: &mut OfNodes, changes: &mut OfNodes, bend: &mut [Lanes; 2]) {
+/// Works out sides, changes and, for each node, bends as [`Samples`] has them.
+fn work_out(
+    isa: Isa,
+    around: &Around,
+    sides: &mut [Fours<f32>; 4],
+    changes: &mut [Fours<f32>; 4],
+    bends: &mut [Fours<f32>; 2],
+) {
     for_each_isa!(isa, (body, body, body)(
-        around: &[Around; 4], sides: &mut OfNodes, changes: &mut OfNodes, bend: &mut [Lanes; 2]
+        around: &Around, sides: &mut [Fours<f32>; 4], changes: &mut [Fours<f32>; 4], bends: &mut [Fours<f32>; 2]
     ));
 }
 
 #[inline(always)]
-fn body(around: &[Around; 4], sides: &mut OfNodes, changes: &mut OfNodes, bend: &mut [Lanes; 2]) {
-    let mut bends = [[[0.0; BATCH]; 2]; 4];
-    for node in 0..NODES.len() {
-        let Around { upper, lower, first, last } = &around[node];
-        // one loop over blocks, for vectors of them
-        for i in 0..BATCH {
-            let of_row = |row: &[[Entries; 2]; 3]| {
-                let [before, at, after] = [0, 1, 2].map(|step| (row[step][0][i], row[step][1][i]));
-                tame_two(way(before, at), way(at, after))
-            };
-            let [[before, after], [below_before, below_after]] = [of_row(upper), of_row(lower)];
-            let (at_upper, at_lower) = ((upper[1][0][i], upper[1][1][i]), (lower[1][0][i], lower[1][1][i]));
-            let (at_first, at_last) = ((first[0][i], first[1][i]), (last[0][i], last[1][i]));
-            let [a, b, c] = tame_three(way(at_first, at_upper), way(at_upper, at_lower), way(at_lower, at_last));
-            let mut of_axis = |axis: usize, [before, after, below_before, below_after, a, b, c]: [f32; 7]| {
-                let of_upper = [before + after, a + b];
-                let of_lower = [below_before + below_after, b + c];
-                for side in 0..2 {
-                    sides[node][2 * side + axis][i] = 0.25 * (of_lower[side] + of_upper[side]);
-                    changes[node][2 * side + axis][i] = 0.25 * (of_lower[side] - of_upper[side]);
-                }
-                // second differences of the two rows, of which 1/24 is what counts
-                let of_rows = (after - before) + (below_after - below_before);
-                bends[node][axis][i] = (of_rows + (c - a)) * (0.5 / 24.0);
-            };
-            let ways = [before, after, below_before, below_after, a, b, c];
-            of_axis(0, ways.map(|way| way.0));
-            of_axis(1, ways.map(|way| way.1));
-        }
-    }
-    let [_, left, right, _] = &bends;
-    for axis in 0..2 {
-        for i in 0..BATCH {
-            bend[axis][i] = 0.5 * (left[axis][i] + right[axis][i]);
-        }
+fn body(around: &Around, sides: &mut [Fours<f32>; 4], changes: &mut [Fours<f32>; 4], bends: &mut [Fours<f32>; 2]) {
+    let Around { upper, lower, first, last } = around;
+    // one loop, for vectors of columns and blocks
+    for i in 0..4 * BATCH {
+        let at = |[x, y]: &[Fours<i32>; 2]| (x.as_flattened()[i], y.as_flattened()[i]);
+        let of_row = |[before, here, after]: &[[Fours<i32>; 2]; 3]| {
+            tame_two(way(at(before), at(here)), way(at(here), at(after)))
+        };
+        let [[before, after], [below_before, below_after]] = [of_row(upper), of_row(lower)];
+        let (at_upper, at_lower) = (at(&upper[1]), at(&lower[1]));
+        let [a, b, c] = tame_three(way(at(first), at_upper), way(at_upper, at_lower), way(at_lower, at(last)));
+        let mut of_axis = |axis: usize, [before, after, below_before, below_after, a, b, c]: [f32; 7]| {
+            let of_upper = [before + after, a + b];
+            let of_lower = [below_before + below_after, b + c];
+            for side in 0..2 {
+                sides[2 * side + axis].as_flattened_mut()[i] = 0.25 * (of_lower[side] + of_upper[side]);
+                changes[2 * side + axis].as_flattened_mut()[i] = 0.25 * (of_lower[side] - of_upper[side]);
+            }
+            // second differences of the two rows, of which 1/24 is what counts
+            let of_rows = (after - before) + (below_after - below_before);
+            bends[axis].as_flattened_mut()[i] = (of_rows + (c - a)) * (0.5 / 24.0);
+        };
+        let ways = [before, after, below_before, below_after, a, b, c];
+        of_axis(0, ways.map(|way| way.0));
+        of_axis(1, ways.map(|way| way.1));
     }
 }
 
