@@ -7,6 +7,9 @@ use crate::lut::kernels::for_each_isa;
 /// A sample of which averages can be taken. All instruction sets run the same plain loops, so they agree to the last
 /// bit.
 pub trait Average: Sized {
+    /// See [`Pairs::boxes`].
+    fn boxes(isa: Isa, channels: usize, k: [u32; 2], rows: &[&[Self]], out: &mut [Self]) -> bool;
+
     /// The sum of a footprint's probes.
     type Sum: Copy + Default + Send + Sync;
 
@@ -35,6 +38,10 @@ macro_rules! average {
     ($type:ty, $sum:ty, $up:expr, $down:expr, $add:expr, $finish:expr) => {
         impl Average for $type {
             type Sum = $sum;
+
+            fn boxes(isa: Isa, channels: usize, k: [u32; 2], rows: &[&[$type]], out: &mut [$type]) -> bool {
+                <$type as Pairs>::boxes(isa, channels, k, rows, out)
+            }
 
             fn halve(isa: Isa, up: bool, a: &[$type], b: &[$type], out: &mut [$type]) {
                 #[inline(always)]
