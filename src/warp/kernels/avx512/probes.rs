@@ -5,6 +5,7 @@
 //! holds 4 i + 2 and 4 i + 3. So they come from [`gather`] by packing, and so bytes are packed in their order.
 
 use std::arch::x86_64::*;
+use std::ops::Range;
 
 use super::all_within;
 use super::bytes::{Reach, Weights, gather, load_widest, load_window, near, planar, wide, widest};
@@ -46,7 +47,7 @@ pub(in crate::warp::kernels) fn probes_u8<const CHANNELS: usize>(
             }
         };
         let sums = match (&plane, reach) {
-            (Some(plane), Some(reach)) => sum::<CHANNELS>(plane, reach, probes, &group),
+            (Some(plane), Some(reach)) => sum::<CHANNELS>(plane, reach, probes, &group, &lanes),
             _ => None,
         };
         match sums {
@@ -107,11 +108,22 @@ impl Group {
         Self { centre, sides, width: _mm512_set1_epi32(width as i32) }
     }
 
-    /// Where a probe looks, as a tap says it: offsets, and fractions of x in the low and of y in the high half of each lane.
+    /// Four of the footprints, in each 128 bits.
     #[inline]
     #[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512vbmi,avx512vnni")]
-    fn probe(&self, probes: &Probes<'_>, along: i16, down: i16) -> (__m512i, __m512i) {
-        let offsets = _mm512_set1_epi32(i32::from(along as u16) | i32::from(down) << 16);
+    fn four(&self, first: usize) -> Self {
+        let four = _mm512_broadcast_i32x4(_mm_setr_epi32(0, 1, 2, 3));
+        let four = _mm512_add_epi32(four, _mm512_set1_epi32(first as i32));
+        let of_four = |lanes: __m512i| _mm512_permutexvar_epi32(four, lanes);
+        let ([x, y], [x_sides, y_sides]) = (self.centre, self.sides);
+        Self { centre: [of_four(x), of_four(y)], sides: [of_four(x_sides), of_four(y_sides)], width: self.width }
+    }
+
+    /// Where a probe looks, as a tap says it: offsets, and fractions of x in the low and of y in the high half of each lane.
+    /// `offsets` are [`together`] in each lane.
+    #[inline]
+    #[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512vbmi,avx512vnni")]
+    fn probe(&self, probes: &Probes<'_>, offsets: __m512i) -> (__m512i, __m512i) {
         let shift = _mm_cvtsi32_si128(probes.shift as i32);
         let at = |axis: usize| {
             let way = _mm512_sra_epi32(_mm512_madd_epi16(self.sides[axis], offsets), shift);
@@ -126,6 +138,12 @@ impl Group {
         let y = _mm512_and_si512(_mm512_slli_epi32::<21>(row), _mm512_set1_epi32(0x7fe0_0000));
         (offset, _mm512_or_si512(x, y))
     }
+}
+
+/// A probe's offsets along and down, in the low and the high half.
+#[inline(always)]
+fn together(&along: &i16, &down: &i16) -> i32 {
+    i32::from(along as u16) | i32::from(down) << 16
 }
 
 /// What evaluates [`Block::side`]: two polynomials of the basis side by side in each lane.
@@ -171,7 +189,10 @@ fn sixteen(numbers: &[i16; LANES]) -> __m256i {
     unsafe { _mm256_loadu_si256(numbers.as_ptr().cast()) }
 }
 
-/// The sums of all probes; `None` where a load would leave the image.
+/// The sums of all probes of these lanes; `None` where a load would leave the image.
+///
+/// The lanes of a vector are a probe of sixteen footprints or, where that takes no more vectors, four probes of four of
+/// them: few lanes are asked for where a view ends, and probes of one footprint lie closer together.
 #[inline]
 #[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512vbmi,avx512vnni")]
 fn sum<const CHANNELS: usize>(
@@ -179,11 +200,35 @@ fn sum<const CHANNELS: usize>(
     reach: Reach,
     probes: &Probes<'_>,
     group: &Group,
+    lanes: &Range<usize>,
 ) -> Option<[__m512i; 2]> {
+    let count = probes.count() as usize;
+    let fours = lanes.start / 4 * 4..lanes.end;
+    let by_fours = count >= 4 && fours.len().div_ceil(4) * count.div_ceil(4) <= count;
+    let (firsts, step) = if by_fours { (fours, 4) } else { (0..1, 1) };
+    let each_to_a_part = _mm512_setr_epi32(0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3);
     let mut sums = [_mm512_setzero_si512(); 2];
-    for &along in probes.offsets[0] {
-        for &down in probes.offsets[1] {
-            let (offsets, fractions) = group.probe(probes, along, down);
+    for first in firsts.step_by(4) {
+        let four;
+        let own = if by_fours {
+            four = group.four(first);
+            &four
+        } else {
+            group
+        };
+        let [along, down] = probes.offsets;
+        let mut lattice = down.iter().flat_map(|down| along.iter().map(move |along| together(along, down)));
+        let mut parts = [_mm512_setzero_si512(); 2];
+        for done in (0..count).step_by(step) {
+            // those that are too many are in the middle of the footprint
+            let mut next = || lattice.next().unwrap_or(0);
+            let offsets = if by_fours {
+                let four = _mm_setr_epi32(next(), next(), next(), next());
+                _mm512_permutexvar_epi32(each_to_a_part, _mm512_castsi128_si512(four))
+            } else {
+                _mm512_set1_epi32(next())
+            };
+            let (offsets, fractions) = own.probe(probes, offsets);
             let positions = match CHANNELS {
                 3 => plane.positions::<3>(offsets),
                 _ => plane.positions::<4>(offsets),
@@ -211,7 +256,19 @@ fn sum<const CHANNELS: usize>(
                 let blends = gather::<CHANNELS>(plane, lanes.map(|lane| lane as usize), &weights);
                 [_mm512_packus_epi32(blends[0], blends[1]), _mm512_packus_epi32(blends[2], blends[3])]
             };
-            sums = [_mm512_add_epi16(sums[0], blends[0]), _mm512_add_epi16(sums[1], blends[1])];
+            // of four probes, as many as there are left; each fills 8 of the 16-bit lanes
+            let counted = if by_fours { u32::MAX >> (8 * 4usize.saturating_sub(count - done)) } else { u32::MAX };
+            for (parts, blends) in parts.iter_mut().zip(blends) {
+                *parts = _mm512_mask_add_epi16(*parts, counted, *parts, blends);
+            }
+        }
+        if !by_fours {
+            return Some(parts);
+        }
+        for (sums, parts) in sums.iter_mut().zip(parts) {
+            let twos = _mm512_add_epi16(parts, _mm512_shuffle_i32x4::<0b10_11_00_01>(parts, parts));
+            let all = _mm512_add_epi16(twos, _mm512_shuffle_i32x4::<0b01_00_11_10>(twos, twos));
+            *sums = _mm512_mask_mov_epi32(*sums, 0xf << first, all);
         }
     }
     Some(sums)
@@ -289,14 +346,14 @@ fn one_by_one<const CHANNELS: usize>(
 ) {
     let (mut sums, mut blends) = ([0; 64], [0; 64]);
     let (sums, blends) = (&mut sums[..cells.len()], &mut blends[..cells.len()]);
-    for (index, (&along, &down)) in
+    for (index, (along, down)) in
         probes.offsets[0].iter().flat_map(|along| probes.offsets[1].iter().map(move |down| (along, down))).enumerate()
     {
         let numbers = |lanes: __m512i| {
             // SAFETY: sixteen lanes are 64 bytes, of which any are numbers.
             unsafe { std::mem::transmute::<__m512i, [u32; LANES]>(lanes) }
         };
-        let (offsets, fractions) = group.probe(probes, along, down);
+        let (offsets, fractions) = group.probe(probes, _mm512_set1_epi32(together(along, down)));
         let (offsets, fractions) = (numbers(offsets), numbers(fractions));
         let taps: [Tap; LANES] = std::array::from_fn(|cell| Tap {
             offset: offsets[cell],
