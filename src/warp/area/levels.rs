@@ -145,11 +145,11 @@ impl<'a, T: Sample + Average> Scratch<'a, T> {
         }
         let mut length = all.len();
         let source = |index: usize| &source_row(self.image, y + index)[all.clone()];
-        let mut boxes = |rows: &[&[T]]| T::boxes(self.isa, channels, [self.kx, self.ky], rows, out);
+        let k = [self.kx, self.ky];
         let done = match self.ky {
-            0 => boxes(&[source(0)]),
-            1 => boxes(&[source(0), source(1)]),
-            2 => boxes(&[source(0), source(1), source(2), source(3)]),
+            0 => T::boxes(self.isa, channels, k, &[source(0)], out),
+            1 => T::boxes(self.isa, channels, k, &[source(0), source(1)], out),
+            2 => T::boxes(self.isa, channels, k, &[source(0), source(1), source(2), source(3)], out),
             _ => false,
         };
         if done {
@@ -158,9 +158,9 @@ impl<'a, T: Sample + Average> Scratch<'a, T> {
         if self.ky > 0 {
             let row = &mut self.row[..length];
             down(self.isa, self.image, y, self.ky, &all, &mut self.halves, row);
-        }
-        if self.ky > 2 && T::boxes(self.isa, channels, [self.kx, self.ky], &[&self.row[..length]], out) {
-            return;
+            if self.ky > 2 && T::boxes(self.isa, channels, k, &[row], out) {
+                return;
+            }
         }
         for k in 0..self.kx {
             let from = if k + self.ky == 0 { &source_row(self.image, y)[all.clone()] } else { &self.row[..length] };

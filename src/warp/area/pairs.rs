@@ -81,7 +81,7 @@ mod x86 {
     #[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512vbmi,avx512vnni")]
     fn boxes_of_width<const CHANNELS: usize, const HALVINGS: usize>(ky: u32, rows: &[&[u8]], out: &mut [u8]) -> bool {
         match *rows {
-            [row] if ky % 2 == 0 => boxes::<CHANNELS, HALVINGS, 1, false>([row], out),
+            [row] if ky.is_multiple_of(2) => boxes::<CHANNELS, HALVINGS, 1, false>([row], out),
             [row] => boxes::<CHANNELS, HALVINGS, 1, true>([row], out),
             [a, b] => boxes::<CHANNELS, HALVINGS, 2, true>([a, b], out),
             [a, b, c, d] => boxes::<CHANNELS, HALVINGS, 4, false>([a, b, c, d], out),
@@ -270,5 +270,58 @@ mod x86 {
             done += pairs;
         }
         done
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Average;
+    use super::*;
+
+    #[test]
+    fn boxes_in_one_go_are_those_made_step_by_step() {
+        let mut state = 1u32;
+        let mut byte = || {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (state >> 24) as u8
+        };
+        for (channels, kx, ky, count) in (1..=5).flat_map(|channels| {
+            (1..=5u32).flat_map(move |kx| {
+                (0..=4)
+                    .flat_map(move |ky| [1, 14, 15, 19, 20, 21, 41, 63, 64, 150].map(|count| (channels, kx, ky, count)))
+            })
+        }) {
+            // no byte more than boxes have
+            let samples = ((count + 1) * channels) << (kx - 1);
+            let rows = if ky > 2 { 1 } else { 1 << ky };
+            let rows: Vec<Vec<u8>> = (0..rows).map(|_| (0..samples).map(|_| byte()).collect()).collect();
+            let rows: Vec<&[u8]> = rows.iter().map(|row| &row[..]).collect();
+
+            let mut row = rows[0].to_vec();
+            match *rows {
+                [a, b] => u8::halve(Isa::Scalar, true, a, b, &mut row),
+                [a, b, c, d] => u8::quarter(Isa::Scalar, true, [a, b, c, d], &mut row),
+                _ => {}
+            }
+            for k in 0..kx - 1 {
+                let mut next = vec![0; row.len() / 2];
+                u8::halve_pairs(Isa::Scalar, (k + ky).is_multiple_of(2), channels, &row, &mut next);
+                row = next;
+            }
+            let mut expected = vec![0; count * channels];
+            u8::halve(Isa::Scalar, (kx - 1 + ky).is_multiple_of(2), &row, &row[channels..], &mut expected);
+
+            for &isa in Isa::available() {
+                let mut out = vec![7; count * channels];
+                let case = format!("{isa:?}, {channels} channels, {kx} x {ky}, {count} boxes");
+                if <u8 as Pairs>::boxes(isa, channels, [kx, ky], &rows, &mut out) {
+                    assert_eq!(out, expected, "{case}");
+                } else {
+                    assert!(out.iter().all(|&byte| byte == 7), "{case}");
+                    let is_served = channels <= 4 && (2..=4).contains(&kx) && count >= 64 / channels;
+                    assert!(isa != Isa::Avx512 || !is_served, "{case}");
+                }
+            }
+        }
     }
 }
