@@ -113,7 +113,7 @@ struct Scratch<'a, T> {
     image: &'a ImageView<'a, T>,
     kx: u32,
     ky: u32,
-    /// The row so far, and the next step of it.
+    /// The row so far, and the next step of it; as long as they had to be, for most levels are made without them.
     row: Vec<T>,
     next: Vec<T>,
     /// Two for each step by which many rows are averaged.
@@ -122,9 +122,9 @@ struct Scratch<'a, T> {
 
 impl<'a, T: Sample + Average> Scratch<'a, T> {
     fn new(isa: Isa, image: &'a ImageView<'a, T>, level: &Level) -> Self {
-        let row = vec![T::default(); image.width() * image.channels()];
-        let halves = (3..=level.ky).map(|_| [row.clone(), row.clone()]).collect();
-        Self { isa, image, kx: level.kx, ky: level.ky, row: row.clone(), next: row, halves }
+        let row = || vec![T::default(); image.width() * image.channels()];
+        let halves = (3..=level.ky).map(|_| [row(), row()]).collect();
+        Self { isa, image, kx: level.kx, ky: level.ky, row: vec![], next: vec![], halves }
     }
 
     /// Writes the entries `columns` of a row of the level. Averaging over rows, then over columns, is averaging over
@@ -156,7 +156,7 @@ impl<'a, T: Sample + Average> Scratch<'a, T> {
             return;
         }
         if self.ky > 0 {
-            let row = &mut self.row[..length];
+            let row = first_of(&mut self.row, length);
             down(self.isa, self.image, y, self.ky, &all, &mut self.halves, row);
             if self.ky > 2 && T::boxes(self.isa, channels, k, &[row], out) {
                 return;
@@ -170,11 +170,19 @@ impl<'a, T: Sample + Average> Scratch<'a, T> {
                 T::halve(self.isa, up, from, &from[channels..], &mut *out);
             } else {
                 length /= 2;
-                T::halve_pairs(self.isa, up, channels, from, &mut self.next[..length]);
+                T::halve_pairs(self.isa, up, channels, from, first_of(&mut self.next, length));
                 std::mem::swap(&mut self.row, &mut self.next);
             }
         }
     }
+}
+
+/// So many samples, of a row that grows where it is shorter.
+fn first_of<T: Sample>(row: &mut Vec<T>, length: usize) -> &mut [T] {
+    if row.len() < length {
+        row.resize(length, T::default());
+    }
+    &mut row[..length]
 }
 
 /// Averages `2^ky` rows of an image from row y on, the samples `range` of each.
