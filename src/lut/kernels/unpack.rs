@@ -40,7 +40,7 @@ fn some(taps: &[[u32; 2]], width: u32, xs: &mut [i32], ys: &mut [i32]) {
         let [offset, fractions] = taps[i];
         // Three roundings, of 2^-24 each, of a row below 2^20: less than 0.2 off, so it is the row or the one below.
         let row = (offset as f32 * inverse_width + WHOLE).to_bits() - WHOLE.to_bits();
-        let column = (offset - row * width) as i32;
+        let column = offset.wrapping_sub(row * width) as i32;
         // all bits where it is the one below
         let beyond = column >> 31;
         let (row, column) = (row as i32 + beyond, column + (width as i32 & beyond));
