@@ -50,6 +50,7 @@ const MOST_CHANGE: f32 = 0.2;
 /// change from there, and the offsets of footprints.
 fn look_at_middles(isa: Isa, samples: &Samples, typical: &mut [[f32; BATCH]; 4], fitted: &mut Fitted) {
     #[inline(always)]
+    #[allow(clippy::needless_range_loop)] // of zipped iterators the compiler makes no vectors
     fn body(samples: &Samples, typical: &mut [[f32; BATCH]; 4], fitted: &mut Fitted) {
         const PIXEL: f32 = 1.0 / (1 << Q) as f32;
         for i in 0..BATCH {
@@ -65,8 +66,8 @@ fn look_at_middles(isa: Isa, samples: &Samples, typical: &mut [[f32; BATCH]; 4],
             let steep = steepness((ax * by - ay * bx).abs(), ax * ax + ay * ay + bx * bx + by * by);
             fitted.change[i] = if steep > 0.0 { change / length } else { 0.0 };
             for axis in 0..2 {
-                let [a, b, c, d] = samples.bends[axis][i];
-                fitted.offset[axis][i] = whole(0.5 * (b + c) + 0.0 * (a + d), i16::MAX.into());
+                let [_, b, c, _] = samples.bends[axis][i];
+                fitted.offset[axis][i] = whole(0.5 * (b + c), i16::MAX.into());
             }
         }
     }

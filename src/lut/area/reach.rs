@@ -92,6 +92,7 @@ fn bound(isa: Isa, axes: Axes<'_>, first: usize, columns: usize, shapes: &[u32],
 /// Works out what blocks reach from their bounds.
 fn reach(isa: Isa, source: (u32, u32), fitted: &Fitted, bounds: &[[Bounds; BATCH]; 2], reaches: &mut Reaches) {
     #[inline(always)]
+    #[allow(clippy::needless_range_loop)] // of zipped iterators the compiler makes no vectors
     fn body(source: (u32, u32), fitted: &Fitted, bounds: &[[Bounds; BATCH]; 2], reaches: &mut Reaches) {
         let mut outside = [[false; BATCH]; 2];
         for axis in 0..2 {
