@@ -23,6 +23,7 @@ from pathlib import Path
 X86_64 = {
     "warp::kernels::avx512::bytes": ["vpdpbusd .*zmm", "vperm[it]2b .*zmm", "vpmulhrsw .*zmm"],
     "warp::kernels::avx512::floats": ["vmulps .*zmm", "vsubps .*zmm", "vcvtdq2ps .*zmm"],
+    "warp::kernels::avx512::boxes": ["vperm[it]2b .*zmm", "vpavgb .*zmm"],
     "warp::kernels::avx512::nearest": ["vperm[it]2[bd] .*zmm"],
     "warp::kernels::avx2::bytes": ["vpmaddwd .*ymm", "vpshufb .*ymm", "vpmulhrsw .*[xy]mm"],
     "warp::kernels::avx2::floats": ["vmulps .*ymm", "vsubps .*ymm", "vcvtdq2ps .*ymm"],

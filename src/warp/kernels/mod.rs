@@ -21,6 +21,9 @@ mod plane;
 mod scalar;
 mod special;
 
+#[cfg(target_arch = "x86_64")]
+pub(crate) use avx512::boxes_u8;
+
 use crate::cpu::Isa;
 use crate::image::{ImageView, Sample, as_bytes, as_bytes_mut};
 use crate::lut::area::Block;

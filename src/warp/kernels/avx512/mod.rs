@@ -1,11 +1,13 @@
 //! Kernels for CPUs with AVX-512 F, BW, VL, VBMI and VNNI (Ice Lake, Zen 4 and later): sixteen cells at a time.
 
+mod boxes;
 mod bytes;
 mod floats;
 mod nearest;
 mod pairs;
 mod probes;
 
+pub(crate) use boxes::boxes_u8;
 pub(super) use bytes::{bilinear_u8, bilinear_u8_any};
 pub(super) use floats::{bilinear_float, bilinear_float_any};
 pub(super) use nearest::nearest;
