@@ -19,11 +19,9 @@ struct GroundRow {
 }
 
 impl GroundRow {
-    /// The row at `x`.
-    fn new(camera: &Camera, plane: &Plane, x: f64) -> Self {
-        let pose = camera.camera_from_vehicle();
-        let origin = pose.transform(&Vector3::new(x, 0.0, plane.height_at(x, 0.0)));
-        Self { origin, step: Self::step(camera, plane) }
+    /// Its point at y = 0, for the row at `x`.
+    fn origin(camera: &Camera, plane: &Plane, x: f64) -> Vector3<f64> {
+        camera.camera_from_vehicle().transform(&Vector3::new(x, 0.0, plane.height_at(x, 0.0)))
     }
 
     /// How it moves with y: all rows alike.
@@ -52,11 +50,12 @@ impl Lut {
         let (shape, intrinsics) = ((grid.rows(), grid.columns()), camera.intrinsics());
         let table = match ground {
             Ground::Plane(plane) => {
-                let window = Window::of(camera);
+                let (window, step) = (Window::of(camera), GroundRow::step(camera, plane));
+                let rows = window.as_ref().map(|window| window.over(grid, &step));
                 let row_and_seen = |row: usize| {
-                    let row = GroundRow::new(camera, plane, grid.x_of_row(row as f64));
-                    let columns = window.as_ref().map(|window| window.columns(grid, &row.origin, &row.step));
-                    (row, columns.unwrap_or(0..grid.columns()))
+                    let origin = GroundRow::origin(camera, plane, grid.x_of_row(row as f64));
+                    let columns = rows.as_ref().map(|rows| rows.columns(&origin));
+                    (GroundRow { origin, step }, columns.unwrap_or(0..grid.columns()))
                 };
                 match camera.lens() {
                     None => Table::build(shape, camera.image_size(), isa, |row, us, vs| {
@@ -66,7 +65,7 @@ impl Lut {
                         seen
                     }),
                     Some(lens) => {
-                        let offsets = Offsets::along(&GroundRow::step(camera, plane), &ys);
+                        let offsets = Offsets::along(&step, &ys);
                         Table::build(shape, camera.image_size(), isa, |row, us, vs| {
                             let (row, seen) = row_and_seen(row);
                             let (us, vs) = (&mut us[seen.clone()], &mut vs[seen.clone()]);

@@ -194,6 +194,7 @@ impl Table {
             // band by band, each while it is in the cache: all at once was a tenth of the time
             let (mut us, mut vs) = (Row::filled(columns, 0.0), Row::filled(columns, 0.0));
             let mut scratch = Kinds::default();
+            runs.ends.reserve_exact(room.len() / columns);
             for row in band * band_rows..(band * band_rows + band_rows).min(rows) {
                 let seen = fill(row, &mut us, &mut vs);
                 runs.push(isa, Sampled { us: &us, vs: &vs, source }, seen, room, &mut scratch);

@@ -47,27 +47,11 @@ impl Window {
         Some(window)
     }
 
-    /// The columns of a grid's row whose points may be seen, and a few more; those of the row are `origin + step * y` in
-    /// the camera frame.
-    pub(super) fn columns(&self, grid: &BevGrid, origin: &Vector3<f64>, step: &Vector3<f64>) -> Range<usize> {
-        // from a cell before the first column to a cell behind the last; y falls from column to column
-        let (mut low, mut high) = (grid.y_of_column(grid.columns() as f64), grid.y_of_column(-1.0));
-        let ends = (low, high);
-        for (a, b) in self.distances(origin).into_iter().zip(self.distances(step)) {
-            match (a + b * ends.0 > 0.0, a + b * ends.1 > 0.0) {
-                (true, true) => {}
-                (false, false) => return 0..0,
-                (true, false) => high = high.min(-a / b),
-                (false, true) => low = low.max(-a / b),
-            }
-        }
-        if (low, high) == ends {
-            return 0..grid.columns(); // most rows
-        }
-        // outwards to whole vectors, by a cell or more; where nothing is seen, the last is before the first
-        let [first, last] = [high, low].map(|y| grid.cell_from_ground([0.0, y])[1]);
-        let end = ((last + 2.0).max(0.0) as usize).next_multiple_of(8).min(grid.columns());
-        (((first - 1.0).max(0.0) as usize) / 8 * 8).min(end)..end
+    /// Rows of this grid before it, whose points are `origin + step * y` in the camera frame.
+    pub(super) fn over<'a>(&'a self, grid: &'a BevGrid, step: &Vector3<f64>) -> Rows<'a> {
+        // y falls from column to column
+        let ends = (grid.y_of_column(grid.columns() as f64), grid.y_of_column(-1.0));
+        Rows { window: self, grid, ends, slopes: self.distances(step) }
     }
 
     /// What is positive for points between the sides of the window and before the camera. It is linear: the first four are
@@ -75,6 +59,39 @@ impl Window {
     fn distances(&self, p: &Vector3<f64>) -> [f64; 5] {
         let ((left, right), (top, bottom)) = (self.x, self.y);
         [p.x - left * p.z, right * p.z - p.x, p.y - top * p.z, bottom * p.z - p.y, p.z]
+    }
+}
+
+/// The rows of a grid before a window.
+pub(super) struct Rows<'a> {
+    window: &'a Window,
+    grid: &'a BevGrid,
+    /// y of a cell behind the last column and of one before the first.
+    ends: (f64, f64),
+    /// How distances grow with y.
+    slopes: [f64; 5],
+}
+
+impl Rows<'_> {
+    /// The columns of the row with this origin whose points may be seen, and a few more.
+    pub(super) fn columns(&self, origin: &Vector3<f64>) -> Range<usize> {
+        let (mut low, mut high) = self.ends;
+        for (a, b) in self.window.distances(origin).into_iter().zip(self.slopes) {
+            match (a + b * self.ends.0 > 0.0, a + b * self.ends.1 > 0.0) {
+                (true, true) => {}
+                (false, false) => return 0..0,
+                (true, false) => high = high.min(-a / b),
+                (false, true) => low = low.max(-a / b),
+            }
+        }
+        let columns = self.grid.columns();
+        if (low, high) == self.ends {
+            return 0..columns; // most rows
+        }
+        // outwards to whole vectors, by a cell or more; where nothing is seen, the last is before the first
+        let [first, last] = [high, low].map(|y| self.grid.cell_from_ground([0.0, y])[1]);
+        let end = ((last + 2.0).max(0.0) as usize).next_multiple_of(8).min(columns);
+        (((first - 1.0).max(0.0) as usize) / 8 * 8).min(end)..end
     }
 }
 
@@ -135,7 +152,7 @@ mod tests {
             for row in 0..grid.rows() {
                 let x = grid.x_of_row(row as f64);
                 let at = |y: f64| camera.camera_from_vehicle().transform(&Vector3::new(x, y, plane.height_at(x, y)));
-                let columns = window.columns(&grid, &at(0.0), &(at(1.0) - at(0.0)));
+                let columns = window.over(&grid, &(at(1.0) - at(0.0))).columns(&at(0.0));
                 kept += columns.len();
                 for column in 0..grid.columns() {
                     let y = grid.y_of_column(column as f64);
