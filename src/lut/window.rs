@@ -28,8 +28,8 @@ const WIDEST: f64 = 0.1;
 impl Window {
     /// The window of a camera; `None` where none that is finite would hold all that it sees.
     ///
-    /// What ends on the image's frame is what lies inside the curve that the frame is on the plane, because a lens is
-    /// one-to-one: the box around that curve. Where the frame, or a part of it, is outside the lens's domain, the box is
+    /// A lens is one-to-one, so what is seen lies inside the curve that the image's frame is on the plane: the window is the
+    /// box around it. Where the frame, or a part of it, is outside the lens's domain, the box is
     /// that around the domain.
     pub(super) fn of(camera: &Camera) -> Option<Self> {
         let (width, height) = camera.image_size();

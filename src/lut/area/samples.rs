@@ -147,7 +147,7 @@ fn read_blocks(isa: Isa, axes: Axes<'_>, width: Width, first: usize, seen: &[See
 /// Reads a block whose cells begin at the `first`-th of each row.
 #[inline(always)]
 fn read_block(axes: Axes<'_>, first: usize, columns: [usize; 4], index: usize, around: &mut Around) {
-    #[allow(clippy::needless_range_loop)] // each row has its axes
+    #[allow(clippy::needless_range_loop)] // `axes` is indexed by row first, so there is nothing to iterate over
     for axis in 0..2 {
         // from the cell before the block's first to the one after its last
         let row = |row: usize| -> &[i32; LANES + 2] {
