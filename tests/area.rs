@@ -166,6 +166,35 @@ fn threads_strides_and_repetition_change_nothing() {
 }
 
 #[test]
+fn views_above_each_other_do_not_share_footprints() {
+    let (rows, columns) = (64, 64);
+    let data = textured(SIZE.0 * SIZE.1);
+    let view = image(&data, SIZE.0, SIZE.1, 1);
+    // one is upright, the other turned by a quarter and of other cells; where they meet one of them is told
+    let at = |upright: bool, row: usize, column: usize| {
+        let (row, column) = (row as f64, column as f64);
+        if upright { (20.0 + 5.0 * column, 10.0 + 3.0 * row) } else { (500.0 - 7.0 * row, 20.0 + 3.0 * column) }
+    };
+    let lut = |upright_at: &dyn Fn(usize) -> Option<bool>| {
+        let cells = (0..rows).flat_map(|row| (0..columns).map(move |column| (row, column)));
+        let told = |(row, column)| upright_at(row).map_or((f64::NAN, f64::NAN), |upright| at(upright, row, column));
+        let (xs, ys): (Vec<_>, Vec<_>) = cells.map(told).unzip();
+        Lut::from_maps(&xs, &ys, columns, (512, 256)).unwrap().warp(&view, &area()).unwrap()
+    };
+    for seam in 1..rows {
+        let both = lut(&|row| Some(row < seam));
+        let alone = [lut(&|row| (row < seam).then_some(true)), lut(&|row| (row >= seam).then_some(false))];
+        // of the blocks that the seam goes through, which are four rows high, one has the footprints of the other
+        let clear = |row: usize| row / 4 != seam / 4;
+        for (row, cells) in both.chunks(columns).enumerate().filter(|&(row, _)| clear(row)) {
+            let alone = &alone[usize::from(row >= seam)][row * columns..][..columns];
+            let off = cells.iter().zip(alone).map(|(&one, &other)| one.abs_diff(other)).max();
+            assert!(off <= Some(2), "row {row}, seam {seam}: {off:?}");
+        }
+    }
+}
+
+#[test]
 fn a_plan_is_no_part_of_what_a_table_is_but_of_its_size() {
     let (one, other) = (coarse(), coarse());
     let before = one.nbytes();

@@ -9,7 +9,7 @@ impl Lut {
         let mut mask = vec![false; self.rows() * self.columns()];
         for (row, cells) in mask.chunks_mut(self.columns()).enumerate() {
             for segment in self.table.row(row) {
-                if matches!(segment.kind, RunKind::Inside | RunKind::Rim) {
+                if segment.kind.is_valid() {
                     cells[segment.first..segment.first + segment.cells].fill(true);
                 }
             }
@@ -20,11 +20,7 @@ impl Lut {
     /// How many cells are valid.
     pub fn valid_cells(&self) -> usize {
         let valid = |row| {
-            self.table
-                .row(row)
-                .filter(|segment| matches!(segment.kind, RunKind::Inside | RunKind::Rim))
-                .map(|segment| segment.cells)
-                .sum::<usize>()
+            self.table.row(row).filter(|segment| segment.kind.is_valid()).map(|segment| segment.cells).sum::<usize>()
         };
         (0..self.rows()).map(valid).sum()
     }

@@ -23,6 +23,12 @@ pub(crate) enum RunKind {
 }
 
 impl RunKind {
+    /// Whether such cells are in the mask.
+    #[inline]
+    pub(crate) fn is_valid(self) -> bool {
+        matches!(self, Self::Inside | Self::Rim)
+    }
+
     /// Undoes `kind as u8`.
     pub(crate) fn from_byte(byte: u8) -> Self {
         match byte {

@@ -5,47 +5,67 @@ use super::shape::Shape;
 /// Cells of one vector, the columns of the widest blocks.
 pub(crate) const LANES: usize = 16;
 
-/// Rows of a block.
-///
-/// With 4 a plan of 10 cm cells takes two thirds of the time of one with 2.
-pub(crate) const ROWS: usize = 4;
+/// How many columns and rows the blocks of a row have: [`LANES`] by [`Size::MOST_ROWS`], or fewer where footprints change
+/// much from cell to cell.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Size {
+    columns: u8,
+    rows: u8,
+}
 
-/// How many columns the blocks of a row have: [`LANES`], or a half or a quarter of them where footprints change much from
-/// cell to cell, as those of coarse cells right beside a fisheye.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub(crate) struct Width(u8);
+impl Size {
+    /// From the largest to the one for coarse cells right beside a fisheye. With 4 rows alone plans take one and a half times
+    /// as long, of 5 x 2.5 cm cells twice.
+    pub(super) const ALL: [Self; 5] =
+        [Self::new(16, 16), Self::new(16, 8), Self::new(16, 4), Self::new(8, 4), Self::new(4, 4)];
 
-impl Width {
-    /// From the widest.
-    pub(super) const ALL: [Self; 3] = [Self(0), Self(1), Self(2)];
+    pub(super) const MOST_ROWS: usize = Self::ALL[0].rows();
+    pub(super) const FEWEST_ROWS: usize = Self::ALL[4].rows();
+    pub(super) const FEWEST_COLUMNS: usize = Self::ALL[4].columns();
 
-    pub(crate) fn columns(self) -> usize {
-        LANES >> self.0
+    const fn new(columns: u8, rows: u8) -> Self {
+        Self { columns, rows }
     }
 
-    /// Of blocks of this width.
+    pub(crate) const fn columns(self) -> usize {
+        self.columns as usize
+    }
+
+    pub(crate) const fn rows(self) -> usize {
+        self.rows as usize
+    }
+
+    /// Of blocks of so many columns.
     pub(crate) fn basis(self) -> &'static Basis {
-        static BASES: [Basis; 3] = [basis(0), basis(1), basis(2)];
-        &BASES[usize::from(self.0)]
+        static BASES: [Basis; 3] = [basis(Size::ALL[0]), basis(Size::ALL[3]), basis(Size::ALL[4])];
+        match self.columns {
+            16 => &BASES[0],
+            8 => &BASES[1],
+            _ => &BASES[2],
+        }
     }
 
-    /// The distance of a column from the block's middle: from -16 to 16, whatever the width is.
+    /// The distance of a column from the block's middle: from -16 to 16, however many there are.
     pub(super) const fn distance(self, column: usize) -> i32 {
-        let columns = LANES >> self.0;
-        (2 * column as i32 + 1 - columns as i32) << self.0
+        (2 * column as i32 + 1 - self.columns as i32) * (LANES / self.columns()) as i32
+    }
+
+    /// Half rows from the block's middle to a row.
+    pub(super) const fn half_rows(self, row: usize) -> i16 {
+        2 * row as i16 + 1 - self.rows as i16
     }
 
     /// Columns at which sides are looked at: about where Chebyshev's polynomial of degree four is zero.
     pub(super) const fn nodes(self) -> [usize; 4] {
-        match self.0 {
-            0 => [1, 5, 10, 14],
-            1 => [0, 2, 5, 7],
+        match self.columns {
+            16 => [1, 5, 10, 14],
+            8 => [0, 2, 5, 7],
             _ => [0, 1, 2, 3],
         }
     }
 }
 
-/// Neighbouring cells that are averaged alike: [`Width::columns`] by [`ROWS`].
+/// Neighbouring cells that are averaged alike, as many as the [`Size`] says.
 ///
 /// The sides of their footprints are cubic in the column and linear in the row: to keep them for each cell took 16 bytes a
 /// cell and more time than a table.
@@ -70,13 +90,12 @@ pub(crate) struct Block {
 /// not have are as its last.
 pub(crate) type Basis = [[i16; LANES]; 4];
 
-const fn basis(width: u8) -> Basis {
+const fn basis(size: Size) -> Basis {
     let mut basis = [[0; LANES]; 4];
     let mut lane = 0;
     while lane < LANES {
-        let columns = LANES >> width;
-        let column = if lane < columns { lane } else { columns - 1 };
-        let at = polynomials(Width(width).distance(column));
+        let column = if lane < size.columns() { lane } else { size.columns() - 1 };
+        let at = polynomials(size.distance(column));
         let mut degree = 0;
         while degree < 4 {
             basis[degree][lane] = at[degree];
@@ -107,20 +126,13 @@ impl Block {
     };
 
     pub(super) fn is_bilinear(&self) -> bool {
-        self.shape == Shape::BILINEAR
+        self.shape.is_bilinear()
     }
 
-    /// Half rows from the block's middle to a row.
+    /// One of the sides of the footprints of a row of the block so far from its middle, x along, y along, x down or y down,
+    /// in 1/1024 pixel before the shift.
     #[inline(always)]
-    pub(crate) fn half_rows(row: usize) -> i16 {
-        2 * row as i16 - (ROWS as i16 - 1)
-    }
-
-    /// One of the sides of the footprints of a row of the block, x along, y along, x down or y down, in 1/1024 pixel before
-    /// the shift.
-    #[inline(always)]
-    pub(crate) fn side(&self, side: usize, row: usize, basis: &Basis) -> [i16; LANES] {
-        let half_rows = Self::half_rows(row);
+    pub(crate) fn side(&self, side: usize, half_rows: i16, basis: &Basis) -> [i16; LANES] {
         let (coefficients, changes) = (&self.coefficients[4 * side..][..4], &self.changes[4 * side..][..4]);
         let of_row = |degree: usize| i32::from(coefficients[degree] + changes[degree] * half_rows);
         let [c0, c1, c2, c3] = [of_row(0), of_row(1), of_row(2), of_row(3)];

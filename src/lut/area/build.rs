@@ -2,12 +2,13 @@
 
 use std::ops::Range;
 
-use super::block::{Block, LANES, ROWS, Width};
-use super::fit::{Fitted, decide};
+use super::block::{LANES, Size};
+use super::extremes::Extremes;
+use super::fit::{Change, Fitted, decide};
 use super::needs::Needs;
 use super::reach::Reaches;
-use super::samples::{BATCH, Near, Samples};
-use super::{Band, Coordinates, Plan, RowEnd, Run};
+use super::samples::{BATCH, Samples};
+use super::{Band, BlockRow, Coordinates, Plan, Run};
 use crate::cpu::Isa;
 use crate::error::{Error, Result};
 use crate::lut::table::Table;
@@ -38,13 +39,12 @@ impl Plan {
     pub(crate) fn new(isa: Isa, table: &Table) -> Result<Self> {
         check_sides(table.source())?;
         let (rows, columns) = (table.rows(), table.columns());
-        let block_rows = rows.div_ceil(ROWS);
-        let band_rows = BAND_CELLS.div_ceil(ROWS * columns);
-        let mut jobs: Vec<_> = (0..block_rows.div_ceil(band_rows)).map(|_| None).collect();
+        let band_rows = BAND_CELLS.div_ceil(Size::MOST_ROWS * columns) * Size::MOST_ROWS;
+        let mut jobs: Vec<_> = (0..rows.div_ceil(band_rows)).map(|_| None).collect();
         let threads = if rows * columns < INLINE_CELLS { 1 } else { parallel::num_threads() };
         parallel::for_each(threads, jobs.iter_mut().enumerate(), |(index, job)| {
             let first = index * band_rows;
-            *job = Some(Builder::new(isa, table).run(first..(first + band_rows).min(block_rows)));
+            *job = Some(Builder::new(isa, table).run(first..(first + band_rows).min(rows)));
         });
         let (bands, needs): (Vec<_>, Vec<_>) = jobs.into_iter().flatten().unzip();
         Ok(Self { levels: Needs::merged(needs).levels(), bands, band_rows, ..Self::default() })
@@ -57,119 +57,224 @@ struct Builder<'a> {
     table: &'a Table,
     band: Band,
     needs: Needs,
-    near: Near,
+    /// The coordinates of the rows that are decided on, and of those before and after them.
+    near: [Coordinates; Size::MOST_ROWS + 2],
+    extremes: Extremes,
     samples: Samples,
     fitted: Fitted,
-    /// The width of the blocks of a row, these blocks, and what they reach, by batches.
-    width: Width,
-    blocks: Vec<Block>,
+    /// By how much the sides of the last row of blocks change.
+    change: Change,
+    /// What the blocks of a row reach, from the `first_seen`-th on, by batches.
+    first_seen: usize,
     reaches: Vec<Reaches>,
 }
 
 impl<'a> Builder<'a> {
     fn new(isa: Isa, table: &'a Table) -> Self {
-        let narrowest = Width::ALL[Width::ALL.len() - 1];
-        let blocks = table.columns().div_ceil(narrowest.columns());
+        let batches = table.columns().div_ceil(Size::FEWEST_COLUMNS).div_ceil(BATCH);
         Self {
             isa,
             table,
             band: Band::default(),
             needs: Needs::default(),
             near: std::array::from_fn(|_| Coordinates::none(table)),
+            extremes: Extremes::new(table.columns()),
             samples: Samples::default(),
             fitted: Fitted::default(),
-            width: Width::default(),
-            blocks: vec![Block::BILINEAR; blocks],
-            reaches: vec![Reaches::default(); blocks.div_ceil(BATCH)],
+            change: Change::default(),
+            first_seen: 0,
+            reaches: vec![Reaches::default(); batches],
         }
     }
 
-    /// Makes the plan of rows of blocks.
+    /// Makes the plan of rows of cells.
     fn run(mut self, rows: Range<usize>) -> (Band, Needs) {
         // no page is touched that is not needed
-        self.band.blocks.reserve(rows.len() * self.table.columns().div_ceil(LANES));
-        let first = rows.start * ROWS;
-        let (last, next) = (ROWS, ROWS + 1);
-        self.near[last].read(self.isa, self.table, first.checked_sub(1));
-        self.near[next].read(self.isa, self.table, Some(first));
-        for row in rows {
-            // the last two rows around the blocks before are the first two around these
-            self.near.rotate_left(ROWS);
-            for (near, row) in self.near[2..].iter_mut().zip(row * ROWS + 1..) {
+        self.band.blocks.reserve(rows.len().div_ceil(Size::FEWEST_ROWS) * self.table.columns().div_ceil(LANES));
+        let (last, next) = (Size::MOST_ROWS, Size::MOST_ROWS + 1);
+        self.near[last].read(self.isa, self.table, rows.start.checked_sub(1));
+        self.near[next].read(self.isa, self.table, Some(rows.start));
+        for first in rows.clone().step_by(Size::MOST_ROWS) {
+            // the last two rows around the ones before are the first two around these
+            self.near.rotate_left(Size::MOST_ROWS);
+            for (near, row) in self.near[2..].iter_mut().zip(first + 1..) {
                 near.read(self.isa, self.table, Some(row));
             }
-            self.decide();
-            self.add_row();
+            self.add_rows((rows.end - first).min(Size::MOST_ROWS));
         }
         self.needs.flush(self.table.source().1);
         self.band.blocks.shrink_to_fit();
         (self.band, self.needs)
     }
 
-    /// Decides on the blocks of a row; they are as wide as the sides of their footprints allow.
-    fn decide(&mut self) {
-        let (isa, source) = (self.isa, self.table.source());
-        for width in Width::ALL {
-            self.width = width;
-            let count = self.table.columns().div_ceil(width.columns());
-            let batches = self.blocks[..count].chunks_mut(BATCH).zip(&mut self.reaches);
-            let mut fits = true;
-            for (batch, (blocks, reaches)) in batches.enumerate() {
-                let first = batch * BATCH;
-                self.samples.read(isa, &self.near, width, first..first + blocks.len());
-                fits &= decide(isa, source, &self.samples, &mut self.fitted, blocks);
-                let axes = self.near.each_ref().map(Coordinates::axes);
-                reaches.read(isa, source, (width, first), &self.fitted, blocks.len(), axes);
-            }
-            if fits {
-                return;
+    /// Appends the blocks of so many rows of cells; they are as large as the sides of their footprints allow.
+    fn add_rows(&mut self, rows: usize) {
+        let (mut first, end) = (0, rows.next_multiple_of(Size::FEWEST_ROWS));
+        while first < rows {
+            let begin = self.band.blocks.len();
+            let is_whole = |size: &Size| first.is_multiple_of(size.rows()) && first + size.rows() <= end;
+            for size in Size::ALL.into_iter().filter(is_whole) {
+                if !self.change.may_fit(size) {
+                    continue;
+                }
+                self.band.blocks.truncate(begin);
+                let (first_block, fits) = self.add_blocks(size, first);
+                if fits {
+                    self.add_row(size, first_block, begin);
+                    first += size.rows();
+                    break;
+                }
             }
         }
     }
 
-    /// Appends a row of blocks.
-    fn add_row(&mut self) {
-        let (_, height) = self.table.source();
-        let blocks = &self.blocks[..self.table.columns().div_ceil(self.width.columns())];
-        let first = blocks.iter().position(|block| !block.is_bilinear()).unwrap_or(0);
-        let end = blocks.iter().rposition(|block| !block.is_bilinear()).map_or(0, |last| last + 1);
-        let blocks = &mut self.blocks[first..end];
-        let begin = self.band.runs.len();
-        for (index, block) in (first..).zip(&mut *blocks).filter(|(_, block)| !block.is_bilinear()) {
-            let (reaches, of_batch) = (&self.reaches[index / BATCH], index % BATCH);
-            block.clipped = reaches.is_clipped(of_batch);
-            self.needs.add(block.shape, height, reaches.entries(of_batch));
-            let run = Run::of(index, block);
-            match self.band.runs[begin..].last_mut() {
-                Some(last) if last.goes_on(&run) => last.extend(&run),
-                _ => self.band.runs.push(run),
+    /// Appends the blocks of a row of them, whose first row of cells is the `first`-th. Tells the number of the first that is
+    /// there, and whether they need not be smaller.
+    fn add_blocks(&mut self, size: Size, first: usize) -> (usize, bool) {
+        let Self { isa, ref near, ref mut extremes, ref mut samples, ref mut fitted, .. } = *self;
+        let (source, near) = (self.table.source(), &near[first..][..size.rows() + 2]);
+        let rows = &near[1..=size.rows()];
+        let cells = seen(rows);
+        let seen = cells.start / size.columns()..cells.end.div_ceil(size.columns());
+        extremes.read(isa, rows, seen.start * size.columns()..seen.end * size.columns());
+        let (begin, mut first_block, mut is_plain) = (self.band.blocks.len(), seen.end, true);
+        self.change = Change::default();
+        for (first, reaches) in seen.clone().step_by(BATCH).zip(&mut self.reaches) {
+            let count = BATCH.min(seen.end - first);
+            is_plain &= samples.read(isa, near, size, first..first + count);
+            decide(isa, source, size, samples, fitted);
+            self.change = self.change.or(fitted.change(count));
+            reaches.read(isa, source, (size, first), fitted, count, extremes);
+            is_plain &= !reaches.are_torn(count);
+            for index in 0..count {
+                let block = fitted.block(index, reaches.is_clipped(index));
+                if self.band.blocks.len() == begin {
+                    if block.is_bilinear() {
+                        continue;
+                    }
+                    first_block = first + index;
+                }
+                self.band.blocks.push(block);
             }
         }
-        self.band.blocks.extend_from_slice(blocks);
-        self.band.ends.push(RowEnd {
-            runs: self.band.runs.len() as u32,
-            blocks: self.band.blocks.len() as u32,
-            first_block: first as u32,
-            width: self.width,
-        });
+        self.first_seen = seen.start;
+        (first_block, self.change.fits(size) && (is_plain || size.rows() == Size::FEWEST_ROWS))
     }
+
+    /// Makes a row of the blocks from the `begin`-th on, the first of which is the `first_block`-th of it.
+    fn add_row(&mut self, size: Size, first_block: usize, begin: usize) {
+        let (_, height) = self.table.source();
+        let Band { rows, runs, blocks } = &mut self.band;
+        let end = blocks.iter().rposition(|block| !block.is_bilinear()).map_or(0, |last| last + 1);
+        blocks.truncate(end.max(begin));
+        let begin_runs = runs.len();
+        for (index, block) in (first_block..).zip(&blocks[begin..]).filter(|(_, block)| !block.is_bilinear()) {
+            let of_row = index - self.first_seen;
+            self.needs.add(block.shape, height, self.reaches[of_row / BATCH].entries(of_row % BATCH));
+            let run = Run::of(index, block);
+            match runs[begin_runs..].last_mut() {
+                Some(last) if last.goes_on(&run) => last.extend(&run),
+                _ => runs.push(run),
+            }
+        }
+        let row = BlockRow {
+            runs: (begin_runs as u32, runs.len() as u32),
+            blocks: (begin as u32, blocks.len() as u32),
+            first_block: first_block as u32,
+            size,
+        };
+        rows.extend(std::iter::repeat_n(row, size.rows() / Size::FEWEST_ROWS));
+    }
+}
+
+/// From the first cell that one of these rows sees to behind the last one.
+fn seen(rows: &[Coordinates]) -> Range<usize> {
+    let seen = rows.iter().map(Coordinates::seen).filter(|seen| !seen.is_empty());
+    seen.reduce(|all, seen| all.start.min(seen.start)..all.end.max(seen.end)).unwrap_or(0..0)
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::{Q, Sides};
     use super::*;
-    use crate::{BevGrid, Camera, Ground, Lut, Pinhole, SampleAt};
+    use crate::{BevGrid, Camera, Ground, KannalaBrandt, Lens, Lut, Pinhole, SampleAt};
+
+    /// A camera 1.2 m above the road that looks so far down and to the left, and what it sees of a part of the road.
+    fn camera(focal: f64, pitch: f64, yaw: f64) -> Camera {
+        let lens = Pinhole::new(focal, focal, 511.0, 255.0, 0.0).expect("a good lens");
+        Camera::from_euler(lens, (1024, 512), [1.7, 0.0, 1.2], 0.1, pitch, yaw).expect("a good camera")
+    }
+
+    fn table(camera: &Camera, cell: f64) -> Lut {
+        let grid = BevGrid::new((0.0, 30.0), (-4.0, 18.0), (cell, cell), SampleAt::Center).expect("a good grid");
+        Lut::new(camera, &grid, &Ground::default()).expect("a good table")
+    }
+
+    fn plan(lut: &Lut) -> Plan {
+        Plan::new(Isa::active().expect("an instruction set"), lut.table()).expect("a plan")
+    }
 
     #[test]
     fn plans_do_not_depend_on_the_instruction_set() {
-        let lens = Pinhole::new(1100.0, 1100.0, 511.0, 255.0, 0.0).expect("a good lens");
-        let camera = Camera::from_euler(lens, (1024, 512), [1.7, 0.0, 1.2], 0.1, 0.05, 0.6).expect("a good camera");
-        let grid = BevGrid::new((4.0, 30.0), (-2.0, 18.0), (0.2, 0.2), SampleAt::Center).expect("a good grid");
-        let lut = Lut::new(&camera, &grid, &Ground::default()).expect("a good table");
+        let lut = table(&camera(1100.0, 0.05, 0.6), 0.2);
         let plans: Vec<_> = Isa::available().iter().map(|&isa| Plan::new(isa, lut.table()).expect("a plan")).collect();
         let text = format!("{:?}", plans[0]);
         let (levels, runs) = (plans[0].levels.len(), plans[0].bands[0].runs.len());
         assert!(levels > 2 && runs > 50, "{levels} {runs}: too plain a plan to tell");
         assert!(plans.iter().all(|plan| format!("{plan:?}") == text));
+    }
+
+    /// Along x the sides of footprints are those of their cells but drawn in, by the same in all rows of a block. A row that
+    /// is taken for another one gives itself away by the change from row to row.
+    #[test]
+    fn every_row_is_the_one_of_its_block_that_it_is() {
+        let (mut sizes, mut cells) = (vec![], 0);
+        let fisheye: Lens = KannalaBrandt::new(&[0.02, -0.01, 0.003, -0.0005], None).expect("a good lens").into();
+        for (camera, cell) in [
+            (camera(1100.0, 0.05, 0.0), 0.1),
+            (camera(1100.0, 0.05, 0.6), 0.2),
+            (camera(300.0, 0.7, 0.0), 0.05),
+            (camera(200.0, 1.5, 0.0).with_lens(fisheye), 0.1),
+            (camera(200.0, 1.5, 0.0).with_lens(fisheye), 0.25),
+            (camera(200.0, 0.9, 0.3).with_lens(fisheye), 0.05),
+        ] {
+            let lut = table(&camera, cell);
+            let (plan, isa, table, mask) = (plan(&lut), Isa::active().expect("an isa"), lut.table(), lut.mask());
+            let mut near = Coordinates::three(isa, table, 0);
+            let mut sides = Sides::new(table.columns());
+            let mut drawn_in = vec![];
+            for row in 0..table.rows() {
+                near[2].read(isa, table, Some(row + 1));
+                sides.read(isa, &near);
+                near.rotate_left(1);
+                let (of_row, of_block) = (plan.row(row), row % plan.band_rows % plan.row(row).size.rows());
+                let size = of_row.size;
+                assert_eq!(of_row.half_rows, size.half_rows(of_block));
+                assert!(of_row.blocks.as_ptr() == plan.row(row - of_block).blocks.as_ptr(), "row {row}, {size:?}");
+                if of_block == 0 {
+                    sizes.push(size);
+                    drawn_in = vec![None; table.columns()];
+                }
+                // what is told of blocks that are seen in part is a guess
+                let rows = (row - of_block).saturating_sub(1)..(row - of_block + size.rows() + 1).min(table.rows());
+                for (index, block) in
+                    (of_row.first_block..).zip(of_row.blocks).filter(|(_, block)| !block.is_bilinear())
+                {
+                    let x_along = block.side(0, of_row.half_rows, size.basis());
+                    let own = index * size.columns()..((index + 1) * size.columns()).min(table.columns());
+                    if !rows.clone().all(|row| mask[row * table.columns()..][own.clone()].iter().all(|&seen| seen)) {
+                        continue;
+                    }
+                    for (cell, x_along) in own.zip(x_along).filter(|&(cell, _)| sides.of(cell)[0].abs() > 3 << Q) {
+                        let scale = f64::from(i32::from(x_along) << block.shift) / f64::from(sides.of(cell)[0]);
+                        let expected = *drawn_in[cell].get_or_insert(scale);
+                        let off = scale / expected - 1.0;
+                        assert!(off.abs() < 0.04, "{size:?}, row {row}, cell {cell}: {scale}, {expected}");
+                        cells += 1;
+                    }
+                }
+            }
+        }
+        assert!(Size::ALL.iter().all(|size| sizes.contains(size)) && cells > 10_000, "{cells}");
     }
 }

@@ -8,6 +8,7 @@
 
 pub(crate) mod block;
 mod build;
+mod extremes;
 mod fit;
 mod needs;
 mod reach;
@@ -21,7 +22,7 @@ use std::ops::Range;
 use std::sync::{Arc, Mutex, OnceLock};
 
 pub(crate) use block::Block;
-use block::{ROWS, Width};
+use block::Size;
 pub(crate) use build::check_sides;
 use needs::Columns;
 pub(crate) use reach::leaves;
@@ -36,7 +37,7 @@ pub(crate) const Q: u32 = 10;
 pub(crate) struct Plan {
     /// The levels that shapes refer to, and which part of each is needed.
     pub(crate) levels: Vec<Level>,
-    /// The blocks, in bands of so many rows of them.
+    /// The blocks, in bands of so many rows of cells.
     bands: Vec<Band>,
     band_rows: usize,
     /// Room for levels that a warp has given back.
@@ -46,19 +47,19 @@ pub(crate) struct Plan {
 /// Rows of blocks whose plan was made at once.
 #[derive(Debug, Default)]
 struct Band {
-    /// For each row where its runs and blocks end.
-    ends: Vec<RowEnd>,
+    /// The row of blocks of each [`Size::FEWEST_ROWS`] rows of cells; that of higher blocks is there several times.
+    rows: Vec<BlockRow>,
     runs: Vec<Run>,
     blocks: Vec<Block>,
 }
 
-/// Where the runs and blocks of a row of blocks end, and the first of its blocks that is not bilinear.
-#[derive(Debug, Clone, Copy, Default)]
-struct RowEnd {
-    runs: u32,
-    blocks: u32,
+/// Where the runs and blocks of a row of blocks are, and the number in its row of the first block that is not bilinear.
+#[derive(Debug, Clone, Copy)]
+struct BlockRow {
+    runs: (u32, u32),
+    blocks: (u32, u32),
     first_block: u32,
-    width: Width,
+    size: Size,
 }
 
 /// Neighbouring blocks of one shape, whose sides are told in one unit.
@@ -113,22 +114,22 @@ pub(crate) struct RowPlan<'a> {
     /// Blocks from the `first_block`-th on: those that runs are of, and what lies between.
     blocks: &'a [Block],
     first_block: usize,
-    pub(crate) width: Width,
-    /// Which row of its blocks it is.
-    pub(crate) row: usize,
+    pub(crate) size: Size,
+    /// Half rows from the middle of its blocks to the row.
+    pub(crate) half_rows: i16,
 }
 
 impl<'a> RowPlan<'a> {
     /// The blocks that the cells of a piece are in, and the column of the first one's first cell.
     pub(crate) fn blocks(&self, piece: &Piece) -> (&'a [Block], usize) {
-        let columns = self.width.columns();
+        let columns = self.size.columns();
         let (first, end) = (piece.first / columns, (piece.first + piece.cells).div_ceil(columns));
         (&self.blocks[first - self.first_block..end - self.first_block], first * columns)
     }
 
     /// Appends the pieces of neighbouring valid cells, from left to right.
     pub(crate) fn pieces(&self, cells: Range<usize>, pieces: &mut Vec<Piece>) {
-        let columns = self.width.columns();
+        let columns = self.size.columns();
         let (first, end) = (cells.start / columns, cells.end.div_ceil(columns));
         let is_before = |run: &Run| ((run.first + run.blocks) as usize) <= first;
         let runs = &self.runs[self.runs.partition_point(is_before)..];
@@ -186,7 +187,7 @@ impl Plan {
     /// Bytes that it holds.
     pub(crate) fn nbytes(&self) -> usize {
         let pooled = self.pool.try_lock().map_or(0, |pool| pool.iter().map(|room| 8 * room.capacity()).sum());
-        let of_band = |band: &Band| size_of_val(&*band.ends) + size_of_val(&*band.runs) + size_of_val(&*band.blocks);
+        let of_band = |band: &Band| size_of_val(&*band.rows) + size_of_val(&*band.runs) + size_of_val(&*band.blocks);
         self.bands.iter().map(of_band).sum::<usize>()
             + self.levels.iter().map(|level| size_of_val(&*level.columns)).sum::<usize>()
             + pooled
@@ -194,16 +195,14 @@ impl Plan {
 
     /// How a row of the table is averaged.
     pub(crate) fn row(&self, row: usize) -> RowPlan<'_> {
-        let (block_row, row) = (row / ROWS, row % ROWS);
-        let (band, block_row) = (&self.bands[block_row / self.band_rows], block_row % self.band_rows);
-        let begin = if block_row == 0 { RowEnd::default() } else { band.ends[block_row - 1] };
-        let end = band.ends[block_row];
+        let (band, row) = (&self.bands[row / self.band_rows], row % self.band_rows);
+        let BlockRow { runs, blocks, first_block, size } = band.rows[row / Size::FEWEST_ROWS];
         RowPlan {
-            runs: &band.runs[begin.runs as usize..end.runs as usize],
-            blocks: &band.blocks[begin.blocks as usize..end.blocks as usize],
-            first_block: end.first_block as usize,
-            width: end.width,
-            row,
+            runs: &band.runs[runs.0 as usize..runs.1 as usize],
+            blocks: &band.blocks[blocks.0 as usize..blocks.1 as usize],
+            first_block: first_block as usize,
+            size,
+            half_rows: size.half_rows(row % size.rows()),
         }
     }
 }

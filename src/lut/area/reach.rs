@@ -2,17 +2,13 @@
 
 use std::ops::Range;
 
-use super::block::{LANES, ROWS, Width, lanes};
+use super::block::Size;
+use super::extremes::{Bounds, Extremes};
 use super::fit::Fitted;
-use super::rows::OUTSIDE;
 use super::samples::BATCH;
 use super::{Level, Q, Shape};
 use crate::cpu::Isa;
 use crate::lut::kernels::for_each_isa;
-
-/// Columns and rows of the coordinates of a row of blocks, and of the rows before and after it; entry i + 1 of a row is of
-/// cell i.
-type Axes<'a> = [[&'a [i32]; 2]; ROWS + 2];
 
 /// The entries of their levels that the probes of neighbouring blocks touch. Nothing is told of blocks that are bilinear.
 #[derive(Debug, Default, Clone)]
@@ -22,6 +18,8 @@ pub(super) struct Reaches {
     ends: [[u32; BATCH]; 2],
     /// Whether probes may leave the level.
     clipped: [bool; BATCH],
+    /// Whether cells are so far from each other that they must be of several views.
+    torn: [bool; BATCH],
 }
 
 impl Reaches {
@@ -30,18 +28,24 @@ impl Reaches {
         &mut self,
         isa: Isa,
         source: (u32, u32),
-        (width, first): (Width, usize),
+        (size, first): (Size, usize),
         fitted: &Fitted,
         blocks: usize,
-        axes: Axes<'_>,
+        extremes: &Extremes,
     ) {
         let mut bounds = [[Bounds::default(); BATCH]; 2];
-        bound(isa, axes, 1 + first * width.columns(), width.columns(), &fitted.shapes[..blocks], &mut bounds);
+        let of_axes = bounds.each_mut().map(|of_blocks| &mut of_blocks[..blocks]);
+        extremes.of_blocks(isa, first * size.columns(), size.columns(), of_axes);
         reach(isa, source, fitted, &bounds, self);
     }
 
     pub(super) fn is_clipped(&self, index: usize) -> bool {
         self.clipped[index]
+    }
+
+    /// Whether any of the first `blocks` is of several views.
+    pub(super) fn are_torn(&self, blocks: usize) -> bool {
+        self.torn[..blocks].contains(&true)
     }
 
     /// Columns and rows of the level that a block touches.
@@ -50,59 +54,25 @@ impl Reaches {
     }
 }
 
-/// The least and the greatest coordinate of each quarter of a block's columns. Down to one of all columns, the compiler
-/// would take the lanes of its vectors one by one.
-#[derive(Debug, Default, Clone, Copy)]
-struct Bounds {
-    least: [i32; 4],
-    greatest: [i32; 4],
-}
-
-/// Bounds of neighbouring blocks, unless they are bilinear; the first one's entries begin at `first`.
-fn bound(isa: Isa, axes: Axes<'_>, first: usize, columns: usize, shapes: &[u32], bounds: &mut [[Bounds; BATCH]; 2]) {
-    #[inline(always)]
-    fn body(axes: Axes<'_>, first: usize, columns: usize, shapes: &[u32], bounds: &mut [[Bounds; BATCH]; 2]) {
-        /// Further than any coordinate.
-        const FAR: i32 = 1 << 30;
-        for (index, &shape) in shapes.iter().enumerate() {
-            if Shape::unpacked(shape) == Shape::BILINEAR {
-                continue;
-            }
-            for axis in 0..2 {
-                let (mut least, mut greatest) = ([FAR; LANES], [-FAR; LANES]);
-                for row in &axes[1..=ROWS] {
-                    // of narrow blocks the next ones' columns too: a little more than they reach
-                    let row = row[axis][first + index * columns..].first_chunk();
-                    let row: &[i32; LANES] = row.expect("rows go on to the end of a block");
-                    // the least number is that of cells outside, and one less is the greatest
-                    const { assert!(OUTSIDE == i32::MIN) };
-                    least = lanes(|i| smaller(least[i], row[i].wrapping_sub(1)));
-                    greatest = lanes(|i| larger(greatest[i], row[i]));
-                }
-                let (least, greatest) = (of_quarters(&least, smaller), of_quarters(&greatest, larger));
-                bounds[axis][index] = Bounds { least: lanes(|i| least[i] + 1), greatest };
-            }
-        }
-    }
-    for_each_isa!(isa, (body, body, body)(
-        axes: Axes<'_>, first: usize, columns: usize, shapes: &[u32], bounds: &mut [[Bounds; BATCH]; 2]
-    ));
-}
-
 /// Works out what blocks reach from their bounds.
 fn reach(isa: Isa, source: (u32, u32), fitted: &Fitted, bounds: &[[Bounds; BATCH]; 2], reaches: &mut Reaches) {
     #[inline(always)]
     #[allow(clippy::needless_range_loop)] // of zipped iterators the compiler makes no vectors
     fn body(source: (u32, u32), fitted: &Fitted, bounds: &[[Bounds; BATCH]; 2], reaches: &mut Reaches) {
-        let mut outside = [[false; BATCH]; 2];
+        /// Longer than the cell in the middle makes believe by this, and by some pixels.
+        const TIMES: f32 = 1.5;
+        const PIXELS: f32 = 16.0;
+        let (mut outside, mut torn) = ([[false; BATCH]; 2], [[false; BATCH]; 2]);
         for axis in 0..2 {
             let side = if axis == 0 { source.0 } else { source.1 };
             for i in 0..BATCH {
                 let Bounds { least: [a, b, c, d], greatest: [e, f, g, h] } = bounds[axis][i];
                 let edge = Edge::new(side, fitted.shapes[i] >> (8 * axis) & 0xff);
                 let (offset, far) = (fitted.offset[axis][i] - edge.corner, fitted.far[axis][i]);
-                let low = (smaller(smaller(a, b), smaller(c, d)) + offset - far) >> edge.step;
-                let high = (larger(larger(e, f), larger(g, h)) + offset + far) >> edge.step;
+                let (least, greatest) = (smaller(smaller(a, b), smaller(c, d)), larger(larger(e, f), larger(g, h)));
+                let pixels = greatest.wrapping_sub(least) as f32 * (1.0 / (1 << Q) as f32);
+                torn[axis][i] = pixels > TIMES * fitted.extent[axis][i] + PIXELS;
+                let (low, high) = ((least + offset - far) >> edge.step, (greatest + offset + far) >> edge.step);
                 outside[axis][i] = (low < 0) | (high >= edge.last);
                 let entry = |at: i32| (smaller(larger(at, 0), edge.last) >> Q) as u32;
                 reaches.starts[axis][i] = entry(low);
@@ -111,6 +81,7 @@ fn reach(isa: Isa, source: (u32, u32), fitted: &Fitted, bounds: &[[Bounds; BATCH
         }
         for i in 0..BATCH {
             reaches.clipped[i] = outside[0][i] | outside[1][i];
+            reaches.torn[i] = torn[0][i] | torn[1][i];
         }
     }
     for_each_isa!(isa, (body, body, body)(
@@ -180,11 +151,6 @@ pub(crate) fn leaves(
     for_each_isa!(isa, (body, body, body)(
         edges: [Edge; 2], outermost: [i32; 2], shift: u32, centre: [&[i32]; 2], sides: [&[i16]; 4], leaves: &mut [u8]
     ));
-}
-
-#[inline(always)]
-fn of_quarters(numbers: &[i32; LANES], of_two: impl Fn(i32, i32) -> i32) -> [i32; 4] {
-    lanes(|i| of_two(of_two(numbers[i], numbers[i + 4]), of_two(numbers[i + 8], numbers[i + 12])))
 }
 
 #[inline(always)]

@@ -1,30 +1,38 @@
 //! The table's coordinates, row by row, and how they grow from cell to cell.
 
+use std::ops::Range;
+
 use super::Q;
 use super::block::LANES;
 use crate::cpu::Isa;
-use crate::lut::kernels::{for_each_isa, unpack};
+use crate::lut::kernels::{Row, for_each_isa, unpack};
 use crate::lut::table::{RunKind, Segment, Table, unframed};
 
 /// The coordinate of a cell without an image.
 pub(super) const OUTSIDE: i32 = i32::MIN;
 
 /// The coordinates of a row in 1/1024 pixel, [`OUTSIDE`] where there is none.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub(crate) struct Coordinates {
-    /// Entry i + 1 is of cell i; before the first and behind the last cell there is nothing, and so
+    /// Entry [`LEAD`] + i is of cell i; before the first and behind the last cell there is nothing, and so
     /// many entries more that vectors of cells may begin at any cell.
-    xs: Vec<i32>,
-    ys: Vec<i32>,
+    xs: Row<i32>,
+    ys: Row<i32>,
     /// 1 for cells of the mask; those of the halo have coordinates too. It goes on as the others do.
     valid: Vec<u8>,
+    /// From the first cell of the mask to behind the last one.
+    seen: Range<usize>,
 }
+
+/// A vector of entries, so that the first cell begins one.
+const LEAD: usize = LANES;
 
 impl Coordinates {
     /// Those of a row of a table without an image.
     pub(crate) fn none(table: &Table) -> Self {
         let whole = table.columns().next_multiple_of(LANES) + LANES;
-        Self { xs: vec![OUTSIDE; whole + 2], ys: vec![OUTSIDE; whole + 2], valid: vec![0; whole] }
+        let axis = || Row::filled(LEAD + whole + 1, OUTSIDE);
+        Self { xs: axis(), ys: axis(), valid: vec![0; whole], seen: 0..0 }
     }
 
     /// The rows before, at and after `row`, of which the last is still to be read.
@@ -45,32 +53,44 @@ impl Coordinates {
         &self.valid
     }
 
+    /// All cells of the mask are among these.
+    pub(super) fn seen(&self) -> Range<usize> {
+        self.seen.clone()
+    }
+
     /// Where a cell samples: column and row, 1/1024 pixel.
     pub(crate) fn at(&self, cell: usize) -> [i32; 2] {
-        [self.xs[1 + cell], self.ys[1 + cell]]
+        [self.xs[LEAD + cell], self.ys[LEAD + cell]]
     }
 
     /// Columns and rows of the cells, 1/1024 pixel: entry i + 1 is of cell i.
     pub(crate) fn axes(&self) -> [&[i32]; 2] {
-        [&self.xs, &self.ys]
+        [&self.xs[LEAD - 1..], &self.ys[LEAD - 1..]]
     }
 
     /// Reads row `row` of a table; all outside where there is no such row.
     pub(crate) fn read(&mut self, isa: Isa, table: &Table, row: Option<usize>) {
         self.valid.fill(0);
+        self.seen = 0..0;
         let Some(row) = row.filter(|&row| row < table.rows()) else {
             self.xs.fill(OUTSIDE);
             self.ys.fill(OUTSIDE);
             return;
         };
         let (width, _) = table.source();
-        table.row(row).for_each(|segment| self.read_cells(isa, segment, width));
+        for segment in table.row(row) {
+            if segment.kind.is_valid() {
+                let start = if self.seen.is_empty() { segment.first } else { self.seen.start };
+                self.seen = start..segment.first + segment.cells;
+            }
+            self.read_cells(isa, segment, width);
+        }
     }
 
     /// Reads some cells of a row, of a source of this width.
     pub(crate) fn read_cells(&mut self, isa: Isa, segment: Segment<'_>, width: u32) {
         let cells = segment.first..segment.first + segment.cells;
-        let own = cells.start + 1..cells.end + 1;
+        let own = LEAD + cells.start..LEAD + cells.end;
         let (xs, ys) = (&mut self.xs[own.clone()], &mut self.ys[own]);
         match segment.kind {
             RunKind::Outside => {
@@ -86,7 +106,7 @@ impl Coordinates {
                 }
             }
         }
-        if matches!(segment.kind, RunKind::Inside | RunKind::Rim) {
+        if segment.kind.is_valid() {
             self.valid[cells].fill(1);
         }
     }
@@ -106,14 +126,11 @@ impl Sides {
     /// Works them out for the middle one of three rows.
     pub(crate) fn read(&mut self, isa: Isa, [above, here, below]: &[Coordinates; 3]) {
         let Self([ax, ay, bx, by]) = self;
-        let cells = ax.len();
-        for (side, axis) in [(ax, &here.xs), (ay, &here.ys)] {
-            slopes(isa, &axis[..cells], &axis[1..=cells], &axis[2..], side);
-        }
-        for (side, [above, here, below]) in
-            [(bx, [&above.xs, &here.xs, &below.xs]), (by, [&above.ys, &here.ys, &below.ys])]
-        {
-            slopes(isa, &above[1..=cells], &here[1..=cells], &below[1..=cells], side);
+        let (above, here, below) = (above.axes(), here.axes(), below.axes());
+        for (axis, (along, down)) in [(ax, bx), (ay, by)].into_iter().enumerate() {
+            let [above, here, below] = [above[axis], here[axis], below[axis]];
+            slopes(isa, here, &here[1..], &here[2..], along);
+            slopes(isa, &above[1..], &here[1..], &below[1..], down);
         }
     }
 

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::block::{LANES, ROWS, Width};
+use super::block::{LANES, Size};
 use super::rows::{Coordinates, slope};
 use super::shape::{larger, smaller};
 use crate::cpu::Isa;
@@ -14,14 +14,8 @@ pub(super) const BATCH: usize = 16;
 /// Distances from the middle of a block for which its sides are told.
 pub(super) const NODES: [i32; 4] = [-13, -5, 5, 13];
 
-/// The coordinates of a row of blocks, and of the rows before and after it.
-pub(super) type Near = [Coordinates; ROWS + 2];
-
 /// The nodes of the widest blocks.
-const WIDE: [usize; 4] = Width::ALL[0].nodes();
-
-/// The upper one of the two rows in the middle.
-const UPPER: usize = ROWS / 2;
+const WIDE: [usize; 4] = Size::ALL[0].nodes();
 
 /// For each block a number for each of four columns.
 pub(super) type Fours<T> = [[T; 4]; BATCH];
@@ -39,35 +33,43 @@ pub(super) struct Samples {
 }
 
 impl Samples {
-    /// Looks at up to [`BATCH`] blocks of a row of them. Of one without a valid cell the footprints are points.
-    pub(super) fn read(&mut self, isa: Isa, near: &Near, width: Width, blocks: Range<usize>) {
+    /// Looks at up to [`BATCH`] blocks of a row of them; `near` are the coordinates of their rows, and of those before and
+    /// after. Of a block without a valid cell the footprints are points. False where blocks should be smaller.
+    pub(super) fn read(&mut self, isa: Isa, near: &[Coordinates], size: Size, blocks: Range<usize>) -> bool {
         let mut seen = [Seen::None; BATCH];
+        let middle = near[size.rows() / 2 - 1..].first_chunk().expect("rows of a block, and those beside it");
         for (seen, block) in seen.iter_mut().zip(blocks.clone()) {
-            *seen = Seen::new(near, width, block * width.columns());
+            *seen = Seen::new(middle, size, block * size.columns());
         }
-        let axes = near.each_ref().map(Coordinates::axes);
-        read_blocks(isa, axes, width, blocks.start, &seen[..blocks.len()], &mut self.around);
+        let axes = middle.each_ref().map(Coordinates::axes);
+        read_blocks(isa, axes, size, blocks.start, &seen[..blocks.len()], &mut self.around);
         work_out(isa, &self.around, &mut self.sides, &mut self.changes, &mut self.bends);
+        let mut fits = true;
         for (index, (seen, block)) in seen.into_iter().zip(blocks).enumerate() {
             match seen {
                 Seen::At(columns) => {
                     // in rows of blocks that are seen wholly and are wide there is nothing to move
-                    let at = columns.map(|column| width.distance(column));
+                    let at = columns.map(|column| size.distance(column));
                     if at != NODES {
                         move_to_nodes(at, [&mut self.sides, &mut self.changes], index);
                     }
                 }
-                Seen::None => self.read_row(index, near, block * width.columns()..(block + 1) * width.columns()),
+                Seen::None => {
+                    let cells = block * size.columns()..(block + 1) * size.columns();
+                    fits &= self.read_row(index, near, cells);
+                }
             }
         }
+        fits
     }
 
     /// Takes what is known of a block of which at most one row in the middle is told, by any row: footprints are alike.
+    /// False if a row has all cells, and there is more to see of the block than a corner.
     #[cold]
-    fn read_row(&mut self, index: usize, near: &Near, cells: Range<usize>) {
+    fn read_row(&mut self, index: usize, near: &[Coordinates], cells: Range<usize>) -> bool {
         self.bends.iter_mut().for_each(|axis| axis[index] = [0.0; 4]);
         let valid = |row: usize| &near[row].valid()[cells.clone()];
-        let told = (1..=ROWS).find_map(|row| {
+        let told = (1..near.len() - 1).find_map(|row| {
             let columns = [valid(row).iter().position(|&is| is != 0)?, valid(row).iter().rposition(|&is| is != 0)?];
             Some((row, 1 + cells.start + columns[0].midpoint(columns[1])))
         });
@@ -79,6 +81,7 @@ impl Samples {
         });
         self.sides.iter_mut().zip(sides).for_each(|(of_blocks, side)| of_blocks[index] = [side; 4]);
         self.changes.iter_mut().for_each(|of_blocks| of_blocks[index] = [0.0; 4]);
+        !(1..near.len() - 1).any(|row| valid(row).iter().all(|&is| is != 0))
     }
 }
 
@@ -94,22 +97,22 @@ enum Seen {
 impl Seen {
     /// Of the block whose cells begin at the `first`-th of each row.
     #[inline]
-    fn new(near: &Near, width: Width, first: usize) -> Self {
+    fn new([before, upper, lower, after]: &Middle, size: Size, first: usize) -> Self {
         /// A byte for each column of a block that it has.
         const ALL: u128 = u128::MAX / 0xff;
-        let all = ALL >> (8 * (LANES - width.columns()));
-        let valid = |row: usize| {
-            let row = near[row].valid()[first..].first_chunk().expect("rows go on to the end of a block");
+        let all = ALL >> (8 * (LANES - size.columns()));
+        let valid = |row: &Coordinates| {
+            let row = row.valid()[first..].first_chunk().expect("rows go on to the end of a block");
             u128::from_le_bytes(*row)
         };
-        let told = valid(UPPER) & valid(UPPER + 1) & all;
-        if told & valid(UPPER - 1) & valid(UPPER + 2) == all {
-            Self::At(width.nodes())
+        let told = valid(upper) & valid(lower) & all;
+        if told & valid(before) & valid(after) == all {
+            Self::At(size.nodes())
         } else if told == 0 {
             Self::None
         } else {
             let (first, last) = (told.trailing_zeros() / 8, told.ilog2() / 8);
-            Self::At(columns_between(width, first as usize, last as usize))
+            Self::At(columns_between(size, first as usize, last as usize))
         }
     }
 }
@@ -126,11 +129,11 @@ struct Around {
 }
 
 /// Reads neighbouring blocks, the first of which is the `first`-th of its row.
-fn read_blocks(isa: Isa, axes: Axes<'_>, width: Width, first: usize, seen: &[Seen], around: &mut Around) {
+fn read_blocks(isa: Isa, axes: Axes<'_>, size: Size, first: usize, seen: &[Seen], around: &mut Around) {
     #[inline(always)]
-    fn body(axes: Axes<'_>, width: Width, first: usize, seen: &[Seen], around: &mut Around) {
+    fn body(axes: Axes<'_>, size: Size, first: usize, seen: &[Seen], around: &mut Around) {
         for (index, seen) in seen.iter().enumerate() {
-            let own = (first + index) * width.columns();
+            let own = (first + index) * size.columns();
             match seen {
                 // columns that are known are read by vectors
                 Seen::At(WIDE) => read_block(axes, own, WIDE, index, around),
@@ -140,7 +143,7 @@ fn read_blocks(isa: Isa, axes: Axes<'_>, width: Width, first: usize, seen: &[See
         }
     }
     for_each_isa!(isa, (body, body, body)(
-        axes: Axes<'_>, width: Width, first: usize, seen: &[Seen], around: &mut Around
+        axes: Axes<'_>, size: Size, first: usize, seen: &[Seen], around: &mut Around
     ));
 }
 
@@ -154,7 +157,7 @@ fn read_block(axes: Axes<'_>, first: usize, columns: [usize; 4], index: usize, a
             axes[row][axis][first..].first_chunk().expect("rows go on to the end of a block, and one further")
         };
         let of_columns = |row: &[i32; LANES + 2], step: usize| columns.map(|column| row[column % LANES + step]);
-        let (before, upper, lower, after) = (row(UPPER - 1), row(UPPER), row(UPPER + 1), row(UPPER + 2));
+        let [before, upper, lower, after] = [row(0), row(1), row(2), row(3)];
         for step in 0..3 {
             around.upper[step][axis][index] = of_columns(upper, step);
             around.lower[step][axis][index] = of_columns(lower, step);
@@ -166,14 +169,14 @@ fn read_block(axes: Axes<'_>, first: usize, columns: [usize; 4], index: usize, a
 
 /// Columns of a block between two of it at which to look at sides: four if these are far enough apart, the two if not, and
 /// one if they are close.
-fn columns_between(width: Width, first: usize, last: usize) -> [usize; 4] {
-    let (distance, columns) = (width.distance(last) - width.distance(first), width.columns());
+fn columns_between(size: Size, first: usize, last: usize) -> [usize; 4] {
+    let (distance, columns) = (size.distance(last) - size.distance(first), size.columns());
     if distance < 6 {
         [first.midpoint(last); 4]
     } else if distance < 18 || last - first < 3 {
         [first, first, last, last]
     } else {
-        width.nodes().map(|node| first + (2 * node * (last - first) + columns - 1) / (2 * (columns - 1)))
+        size.nodes().map(|node| first + (2 * node * (last - first) + columns - 1) / (2 * (columns - 1)))
     }
 }
 
@@ -202,8 +205,11 @@ fn move_to_nodes(known: [i32; 4], sides: [&mut [Fours<f32>; 4]; 2], index: usize
     }
 }
 
-/// Columns and rows of the coordinates of [`Near`]; entry i + 1 of a row is of cell i.
-type Axes<'a> = [[&'a [i32]; 2]; ROWS + 2];
+/// The two rows in the middle of a row of blocks, and those before and after these.
+type Middle = [Coordinates; 4];
+
+/// Columns and rows of the coordinates of [`Middle`]; entry i + 1 of a row is of cell i.
+type Axes<'a> = [[&'a [i32]; 2]; 4];
 
 /// Works out sides, changes and, for each node, bends as [`Samples`] has them.
 fn work_out(

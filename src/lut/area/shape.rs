@@ -23,7 +23,13 @@ impl Shape {
     /// Plain bilinear: the footprint is no larger than a pixel.
     pub(crate) const BILINEAR: Self = Self { kx: 0, ky: 0, along: 1, down: 1 };
 
+    #[inline]
+    pub(super) fn is_bilinear(self) -> bool {
+        self == Self::BILINEAR
+    }
+
     /// One of those that [`choose`] has chosen.
+    #[inline]
     pub(super) fn unpacked(packed: u32) -> Self {
         let [kx, ky, along, down] = packed.to_le_bytes();
         Self { kx, ky, along, down }

@@ -1,7 +1,7 @@
 //! The footprints of cells, worked out from their taps and plan.
 
 use crate::cpu::Isa;
-use crate::lut::area::block::{LANES, Width};
+use crate::lut::area::block::{LANES, Size};
 use crate::lut::area::{Block, Coordinates, Piece, RowPlan};
 use crate::lut::kernels::for_each_isa;
 use crate::lut::table::{Segment, Table};
@@ -33,14 +33,14 @@ impl Footprints {
         let at = self.at.axes().map(|axis| &axis[1 + first..]);
         let centre = self.centre.each_mut().map(|axis| &mut axis[first..]);
         let sides = self.sides.each_mut().map(|side| &mut side[first..]);
-        work_out(self.isa, blocks, (plan.width, plan.row), at, centre, sides);
+        work_out(self.isa, blocks, (plan.size, plan.half_rows), at, centre, sides);
     }
 }
 
 fn work_out(
     isa: Isa,
     blocks: &[Block],
-    (width, row): (Width, usize),
+    (size, half_rows): (Size, i16),
     at: [&[i32]; 2],
     centre: [&mut [i32]; 2],
     sides: [&mut [i16]; 4],
@@ -48,25 +48,25 @@ fn work_out(
     #[inline(always)]
     fn body(
         blocks: &[Block],
-        width: Width,
-        row: usize,
+        size: Size,
+        half_rows: i16,
         at: [&[i32]; 2],
         centre: [&mut [i32]; 2],
         sides: [&mut [i16]; 4],
     ) {
         let ([ax, ay, bx, by], [x, y]) = (sides, centre);
         for (index, block) in blocks.iter().enumerate() {
-            let first = index * width.columns();
+            let first = index * size.columns();
             // Of narrow blocks the lanes that are too many are written over by the next one's. A side with one probe is not
             // looked at: more than half of the cells of 10 cm have but one.
-            let basis = width.basis();
+            let basis = size.basis();
             if block.shape.along > 1 {
-                *lanes(ax, first) = block.side(0, row, basis);
-                *lanes(ay, first) = block.side(1, row, basis);
+                *lanes(ax, first) = block.side(0, half_rows, basis);
+                *lanes(ay, first) = block.side(1, half_rows, basis);
             }
             if block.shape.down > 1 {
-                *lanes(bx, first) = block.side(2, row, basis);
-                *lanes(by, first) = block.side(3, row, basis);
+                *lanes(bx, first) = block.side(2, half_rows, basis);
+                *lanes(by, first) = block.side(3, half_rows, basis);
             }
             move_by(block.offset[0].into(), &at[0][first..], lanes(x, first));
             move_by(block.offset[1].into(), &at[1][first..], lanes(y, first));
@@ -84,8 +84,8 @@ fn work_out(
     }
     for_each_isa!(isa, (body, body, body)(
         blocks: &[Block],
-        width: Width,
-        row: usize,
+        size: Size,
+        half_rows: i16,
         at: [&[i32]; 2],
         centre: [&mut [i32]; 2],
         sides: [&mut [i16]; 4],

@@ -110,7 +110,7 @@ impl<T: Bilinear> Job<'_, T> {
                 let own = segment.first..segment.first + segment.cells;
                 let cells = &mut cells[own.start * channels..own.end * channels];
                 pieces.clear();
-                if matches!(segment.kind, RunKind::Inside | RunKind::Rim) {
+                if segment.kind.is_valid() {
                     plan.pieces(own, &mut pieces);
                 }
                 self.segment(segment, &plan, &pieces, &mut footprints, cells, &mut scratch);

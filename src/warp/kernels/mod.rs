@@ -27,7 +27,7 @@ pub(crate) use avx512::boxes_u8;
 use crate::cpu::Isa;
 use crate::image::{ImageView, Sample, as_bytes, as_bytes_mut};
 use crate::lut::area::Block;
-use crate::lut::area::block::Width;
+use crate::lut::area::block::Size;
 use crate::lut::table::{ONE, Tap};
 
 /// What a kernel reads: the image and the border value of each channel.
@@ -100,9 +100,9 @@ pub(crate) struct Probes<'a> {
     pub(crate) source_width: u32,
     /// What the sides of their footprints are.
     pub(crate) blocks: &'a [Block],
-    pub(crate) width: Width,
-    /// The row of the blocks.
-    pub(crate) row: usize,
+    pub(crate) size: Size,
+    /// Half rows from their middle to the row of the footprints.
+    pub(crate) half_rows: i16,
     /// So many cells of the first block come before those that are asked for.
     pub(crate) skip: usize,
     /// The offsets along each side, in 1/16384 of it.

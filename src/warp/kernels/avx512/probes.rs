@@ -30,8 +30,8 @@ pub(in crate::warp::kernels) fn probes_u8<const CHANNELS: usize>(
     let plane = Plane::new(source);
     let reach = plane.as_ref().map(Reach::new);
     let width = source.image.width();
-    let (basis, finish) = (BasisPairs::new(probes.width.basis()), Finish::new(probes));
-    let columns = probes.width.columns();
+    let (basis, finish) = (BasisPairs::new(probes.size.basis()), Finish::new(probes));
+    let columns = probes.size.columns();
     let (mut taps, mut rest, mut lanes) = (probes.taps, cells, probes.skip..columns);
     for block in probes.blocks {
         lanes.end = columns.min(lanes.start + taps.len());
@@ -95,7 +95,7 @@ impl Group {
         // more than half of the cells of 10 cm have one probe, which is in the middle
         let [has_along, has_down] = probes.offsets.map(|offsets| offsets.len() > 1);
         if has_along | has_down {
-            let coefficients = basis.coefficients(block, probes.row);
+            let coefficients = basis.coefficients(block, probes.half_rows);
             for (axis, side) in sides.iter_mut().enumerate() {
                 if has_along {
                     *side = _mm512_and_si512(basis.side(coefficients, axis), _mm512_set1_epi32(0xffff));
@@ -166,8 +166,8 @@ impl BasisPairs {
     /// The coefficients of a row of a block, in the low half.
     #[inline]
     #[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512vbmi,avx512vnni")]
-    fn coefficients(&self, block: &Block, row: usize) -> __m512i {
-        let changes = _mm256_mullo_epi16(sixteen(&block.changes), _mm256_set1_epi16(Block::half_rows(row)));
+    fn coefficients(&self, block: &Block, half_rows: i16) -> __m512i {
+        let changes = _mm256_mullo_epi16(sixteen(&block.changes), _mm256_set1_epi16(half_rows));
         _mm512_castsi256_si512(_mm256_add_epi16(sixteen(&block.coefficients), changes))
     }
 
