@@ -195,6 +195,27 @@ fn views_above_each_other_do_not_share_footprints() {
 }
 
 #[test]
+fn images_before_leave_no_trace() {
+    // their levels are made in the memory of those before, and where no probe looks they are not made at all
+    fn check<T: ipm_rs::Bilinear + PartialEq>(image: &[T], others: [&[T]; 2]) {
+        let view = |pixels| ImageView::<T>::new(pixels, SIZE, 3).unwrap();
+        let lut = coarse();
+        let expected = lut.warp(&view(image), &area()).unwrap();
+        for other in others {
+            lut.warp(&view(other), &area()).unwrap();
+            assert!(lut.warp(&view(image), &area()).unwrap() == expected);
+            coarse().warp(&view(other), &area()).unwrap();
+            assert!(coarse().warp(&view(image), &area()).unwrap() == expected);
+        }
+    }
+    let data = textured(SIZE.0 * SIZE.1 * 3);
+    check::<u8>(&data, [&vec![0; data.len()], &vec![255; data.len()]]);
+    let real: Vec<f32> = data.iter().map(|&value| f32::from(value)).collect();
+    check::<f32>(&real, [&vec![f32::NAN; data.len()], &vec![f32::INFINITY; data.len()]]);
+    check::<u8>(&data, [&vec![255; data.len()], &vec![0; data.len()]]);
+}
+
+#[test]
 fn a_plan_is_no_part_of_what_a_table_is_but_of_its_size() {
     let (one, other) = (coarse(), coarse());
     let before = one.nbytes();

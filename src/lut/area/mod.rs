@@ -12,6 +12,7 @@ mod extremes;
 mod fit;
 mod needs;
 mod reach;
+mod rooms;
 mod rows;
 mod samples;
 mod shape;
@@ -19,13 +20,14 @@ mod stretch;
 
 use std::fmt;
 use std::ops::Range;
-use std::sync::{Arc, Mutex, OnceLock};
+use std::sync::{Arc, OnceLock};
 
 pub(crate) use block::Block;
 use block::Size;
 pub(crate) use build::check_sides;
 use needs::Columns;
 pub(crate) use reach::leaves;
+use rooms::Rooms;
 pub(crate) use rows::{Coordinates, Sides};
 pub(crate) use shape::Shape;
 
@@ -40,8 +42,7 @@ pub(crate) struct Plan {
     /// The blocks, in bands of so many rows of cells.
     bands: Vec<Band>,
     band_rows: usize,
-    /// Room for levels that a warp has given back.
-    pub(crate) pool: Mutex<Vec<Vec<u64>>>,
+    pub(crate) rooms: Rooms,
 }
 
 /// Rows of blocks whose plan was made at once.
@@ -165,6 +166,9 @@ pub(crate) struct Level {
     pub(crate) ky: u32,
     /// The first row that is kept; of the others, as many as `columns` has entries.
     pub(crate) first_row: u32,
+    /// The first column that is kept, and how many.
+    pub(crate) first_column: u32,
+    pub(crate) width: u32,
     /// The columns of each row that probes touch.
     pub(crate) columns: Vec<Columns>,
 }
@@ -186,11 +190,10 @@ impl Level {
 impl Plan {
     /// Bytes that it holds.
     pub(crate) fn nbytes(&self) -> usize {
-        let pooled = self.pool.try_lock().map_or(0, |pool| pool.iter().map(|room| 8 * room.capacity()).sum());
         let of_band = |band: &Band| size_of_val(&*band.rows) + size_of_val(&*band.runs) + size_of_val(&*band.blocks);
         self.bands.iter().map(of_band).sum::<usize>()
             + self.levels.iter().map(|level| size_of_val(&*level.columns)).sum::<usize>()
-            + pooled
+            + self.rooms.nbytes()
     }
 
     /// How a row of the table is averaged.

@@ -81,11 +81,13 @@ impl Needs {
     /// The levels, in an order that does not depend on that of the bands.
     pub(super) fn levels(mut self) -> Vec<Level> {
         self.levels.sort_by_key(|need| (need.ky, need.kx));
-        let level = |Need { kx, ky, columns, rows }: Need| Level {
-            kx: kx.into(),
-            ky: ky.into(),
-            first_row: rows.start as u32,
-            columns: columns[rows].to_vec(),
+        let level = |Need { kx, ky, columns, rows }: Need| {
+            let first_row = rows.start as u32;
+            let columns = columns[rows].to_vec();
+            let ranges = columns.iter().flat_map(|Columns(ranges)| ranges).filter(|range| !range.is_empty());
+            let all = ranges.cloned().reduce(|all, range| united(&all, &range)).unwrap_or(0..1);
+            let (kx, ky) = (kx.into(), ky.into());
+            Level { kx, ky, first_row, first_column: all.start, width: all.end - all.start, columns }
         };
         self.levels.into_iter().map(level).collect()
     }

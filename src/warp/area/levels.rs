@@ -3,61 +3,15 @@
 use std::ops::Range;
 
 use super::average::Average;
+use super::room::Room;
 use crate::cpu::Isa;
-use crate::error::{Error, Result};
-use crate::image::{ImageView, Sample, as_bytes_mut};
+use crate::error::Result;
+use crate::image::{ImageView, Sample};
 use crate::lut::area::{Level, Plan};
 use crate::parallel;
 
 /// So many rows of a level are made at once.
 const CHUNK_ROWS: usize = 16;
-
-/// Memory for the levels of an image, lent by a plan.
-pub(super) struct Room<'a> {
-    plan: &'a Plan,
-    words: Vec<u64>,
-}
-
-impl<'a> Room<'a> {
-    /// Room for the levels of images of so many bytes a pixel.
-    pub(super) fn new(plan: &'a Plan, width: usize, pixel_bytes: usize) -> Result<Self> {
-        let entries: usize = plan.levels.iter().map(|level| level.columns.len() * entries_of_row(level, width)).sum();
-        let count = (entries * pixel_bytes).div_ceil(8);
-        // one that is in use elsewhere is not waited for
-        let mut words = plan.pool.try_lock().ok().and_then(|mut pool| pool.pop()).unwrap_or_default();
-        if words.len() < count {
-            let missing = count - words.len();
-            words.try_reserve_exact(missing).map_err(|_| Error::OutOfMemory { what: "area", bytes: 8 * count })?;
-            words.resize(count, 0);
-        }
-        Ok(Self { plan, words })
-    }
-
-    fn samples<T: Sample>(&mut self) -> &mut [T] {
-        let bytes = as_bytes_mut(&mut self.words);
-        // SAFETY: any bytes are samples, and words of 8 bytes are aligned for every sample.
-        let (before, samples, _) = unsafe { bytes.align_to_mut::<T>() };
-        debug_assert!(before.is_empty());
-        samples
-    }
-}
-
-impl Drop for Room<'_> {
-    fn drop(&mut self) {
-        /// A plan keeps no more of them than this.
-        const KEPT: usize = 2;
-        if let Ok(mut pool) = self.plan.pool.try_lock()
-            && pool.len() < KEPT
-        {
-            pool.push(std::mem::take(&mut self.words));
-        }
-    }
-}
-
-/// Entries of a row of the whole level of an image of this width.
-fn entries_of_row(level: &Level, width: usize) -> usize {
-    Level::boxes(width as u32, level.kx) as usize
-}
 
 /// The levels of one image, ready to be looked at.
 pub(super) struct Levels<'a, T> {
@@ -73,37 +27,38 @@ impl<'a, T: Sample + Average> Levels<'a, T> {
         room: &'a mut Room<'_>,
         (isa, threads): (Isa, usize),
     ) -> Result<Self> {
-        let row = |level: &Level| entries_of_row(level, image.width()) * image.channels();
+        let channels = image.channels();
+        let row = |level: &Level| level.width as usize * channels;
         let mut rest = room.samples::<T>();
-        let mut parts = Vec::with_capacity(plan.levels.len());
-        for level in &plan.levels {
-            let (own, others) = rest.split_at_mut(level.columns.len() * row(level));
-            parts.push((level, own));
-            rest = others;
-        }
-        let jobs = parts.iter_mut().flat_map(|(level, samples)| {
-            let level: &Level = level;
-            samples.chunks_mut(CHUNK_ROWS * row(level)).enumerate().map(move |(chunk, rows)| (level, chunk, rows))
+        let jobs = plan.levels.iter().flat_map(|level| {
+            let own = rest.take(level.columns.len() * row(level));
+            own.chunks(CHUNK_ROWS * row(level)).enumerate().map(move |(chunk, rows)| (level, chunk, rows))
         });
         parallel::for_each(threads, jobs, |(level, chunk, rows)| {
             let mut scratch = Scratch::new(isa, image, level);
-            for (index, out) in (chunk * CHUNK_ROWS..).zip(rows.chunks_mut(row(level))) {
-                for columns in level.columns[index].0.clone() {
-                    scratch.row(level.first_row as usize + index, columns, out);
+            for (index, out) in (chunk * CHUNK_ROWS..).zip(rows.chunks(row(level))) {
+                let out = out.written();
+                for columns in level.columns[index].0.clone().into_iter().filter(|columns| !columns.is_empty()) {
+                    let own =
+                        [columns.start, columns.end].map(|column| (column - level.first_column) as usize * channels);
+                    scratch.row(level.first_row as usize + index, columns, &mut out[own[0]..own[1]]);
                 }
             }
         });
-        let view = |(level, samples): (&'a Level, &'a mut [T])| {
-            let size = (entries_of_row(level, image.width()), level.columns.len());
-            Ok((level, ImageView::new(samples, size, image.channels())?))
-        };
-        Ok(Self { source: *image, levels: parts.into_iter().map(view).collect::<Result<_>>()? })
+        // SAFETY: all rows of all levels were written.
+        let mut rest = unsafe { room.written::<T>() };
+        let views = plan.levels.iter().map(|level| {
+            let own;
+            (own, rest) = rest.split_at(level.columns.len() * row(level));
+            Ok((level, ImageView::new(own, (level.width as usize, level.columns.len()), channels)?))
+        });
+        Ok(Self { source: *image, levels: views.collect::<Result<_>>()? })
     }
 
-    /// The level of so large boxes, and its first row.
-    pub(super) fn get(&self, kx: u8, ky: u8) -> (&ImageView<'a, T>, u32) {
+    /// The level of so large boxes, and its first column and row.
+    pub(super) fn get(&self, kx: u8, ky: u8) -> (&ImageView<'a, T>, [u32; 2]) {
         let found = self.levels.iter().find(|(level, _)| (level.kx, level.ky) == (kx.into(), ky.into()));
-        found.map_or((&self.source, 0), |(level, view)| (view, level.first_row))
+        found.map_or((&self.source, [0; 2]), |(level, view)| (view, [level.first_column, level.first_row]))
     }
 }
 
@@ -130,16 +85,11 @@ impl<'a, T: Sample + Average> Scratch<'a, T> {
     /// Writes the entries `columns` of a row of the level. Averaging over rows, then over columns, is averaging over
     /// boxes; integers halfway are rounded up in every other step, so that they do not drift.
     fn row(&mut self, row: usize, columns: Range<u32>, out: &mut [T]) {
-        if columns.is_empty() {
-            return;
-        }
         let channels = self.image.channels();
-        let (start, end) = (columns.start as usize * channels, columns.end as usize * channels);
         let step = Level::log_step(self.kx);
         let pixels = (columns.start as usize) << step..(((columns.end - 1) as usize) << step) + (1 << self.kx);
         let all = pixels.start * channels..pixels.end * channels;
         let y = row << Level::log_step(self.ky);
-        let out = &mut out[start..end];
         if self.kx == 0 {
             return down(self.isa, self.image, y, self.ky, &all, &mut self.halves, out);
         }

@@ -10,6 +10,7 @@ mod footprints;
 mod levels;
 mod pairs;
 mod probes;
+mod room;
 
 use std::slice;
 
@@ -26,8 +27,9 @@ use crate::lut::area::{Piece, Plan, RowPlan, Shape, leaves};
 use crate::lut::table::{RunKind, Segment, Tap};
 use crate::parallel;
 use footprints::Footprints;
-use levels::{Levels, Room};
+use levels::Levels;
 use probes::{Lattice, is_lean};
+use room::Room;
 
 /// So many cells are probed at once, and at the end of a piece up to a vector more: taps, one probe and the sums of three
 /// channels are 1.5 KB.
@@ -52,7 +54,7 @@ pub(super) fn warp<T: Bilinear>(
     let (rows, columns, channels) = (lut.rows(), lut.columns(), images[0].channels());
     let isa = options.isa()?;
     let threads = options.threads_for(rows * columns * WORK, channels)?;
-    let mut room = Room::new(plan, images[0].width(), channels * size_of::<T>())?;
+    let mut room = Room::new(plan, channels * size_of::<T>())?;
     for (index, (image, out)) in images.iter().zip(outs).enumerate() {
         // of one value for each channel, all; of one for each plane, its own
         let own = if border.len() == channels { 0 } else { index % border.len() };
@@ -164,8 +166,8 @@ impl<T: Bilinear> Job<'_, T> {
         cells: &mut [T],
         scratch: &mut Scratch<T>,
     ) {
-        let (level, first_row) = self.levels.get(piece.shape.kx, piece.shape.ky);
-        let lattice = Lattice::new(piece, first_row, level.width());
+        let (level, first) = self.levels.get(piece.shape.kx, piece.shape.ky);
+        let lattice = Lattice::new(piece, first, level.width());
         let (width, _) = self.lut.source_size();
         let source = Source::new(level, self.source.border());
         let fused = self.fused.filter(|_| segment.kind == RunKind::Inside);
@@ -183,7 +185,7 @@ impl<T: Bilinear> Job<'_, T> {
             match fused {
                 _ if is_clipped => {
                     for (cell, values) in (part.first..).zip(cells.chunks_exact_mut(channels)) {
-                        self.clipped(lattice, (level, first_row), footprints, cell, values, scratch);
+                        self.clipped(lattice, (level, first), footprints, cell, values, scratch);
                     }
                 }
                 Some(fused) => fused(&source, &lattice.probes(plan, &part, own, width), cells),
@@ -262,7 +264,7 @@ impl<T: Bilinear> Job<'_, T> {
     fn clipped(
         &self,
         lattice: Lattice,
-        (level, first_row): (&ImageView<'_, T>, u32),
+        (level, first): (&ImageView<'_, T>, [u32; 2]),
         footprints: &Footprints,
         cell: usize,
         values: &mut [T],
@@ -277,8 +279,8 @@ impl<T: Bilinear> Job<'_, T> {
         let mut probe = |position: [i32; 2]| {
             let ([x, y], [fx, fy]) = lattice.entry(position, last);
             let (right, below) = ((x + 1).min(last[0] as usize), (y + 1).min(last[1] as usize));
-            let row = |y: usize| y - first_row as usize;
-            let pixels = [(x, y), (right, y), (x, below), (right, below)].map(|(x, y)| level.pixel(x, row(y)));
+            let pixel = |(x, y): (usize, usize)| level.pixel(x - first[0] as usize, y - first[1] as usize);
+            let pixels = [(x, y), (right, y), (x, below), (right, below)].map(pixel);
             let weights = T::weights(fx, fy);
             for (channel, (value, sum)) in values.iter_mut().zip(&mut *sums).enumerate() {
                 let probe = <T as Blend>::blend(weights, pixels.map(|pixel| pixel[channel]));

@@ -17,20 +17,21 @@ pub(super) struct Lattice {
     corner: [i32; 2],
     /// log2 of the source's pixels from entry to entry of the level.
     steps: [u32; 2],
-    first_row: i32,
+    /// The level's first column and row, and how many columns it has.
+    first: [i32; 2],
     width: i32,
 }
 
 impl Lattice {
-    /// `first_row` is that of the level, `width` too.
-    pub(super) fn new(piece: &Piece, first_row: u32, width: usize) -> Self {
+    /// `first` are the first column and row of the level, `width` are its columns.
+    pub(super) fn new(piece: &Piece, first: [u32; 2], width: usize) -> Self {
         let (box_width, box_height) = piece.shape.box_size();
         Self {
             shape: piece.shape,
             shift: piece.shift,
             corner: [box_width, box_height].map(|size| (size as i32 - 1) << (Q - 1)),
             steps: [piece.shape.kx, piece.shape.ky].map(|k| Level::log_step(k.into())),
-            first_row: first_row as i32,
+            first: first.map(|first| first as i32),
             width: width as i32,
         }
     }
@@ -58,7 +59,7 @@ impl Lattice {
             skip: piece.first - first,
             offsets: [Shape::offsets(self.shape.along), Shape::offsets(self.shape.down)],
             shift: 14 - u32::from(self.shift),
-            origin: [self.corner[0], self.corner[1] + (self.first_row << (Q + self.steps[1]))],
+            origin: [0, 1].map(|axis| self.corner[axis] + (self.first[axis] << (Q + self.steps[axis]))),
             steps: self.steps,
             lean: is_lean(self.shape),
         }
@@ -134,8 +135,8 @@ fn body(lattice: Lattice, offsets: [i32; 2], centre: [&[i32]; 2], sides: [&[i16]
             // wrapping, for the cells without an image that fill a vector
             centre.wrapping_sub(lattice.corner[axis]).wrapping_add(probe_offset(lattice, offsets, [a.into(), b.into()]))
         };
-        let column = at(0, x[i], ax[i], bx[i]) >> lattice.steps[0];
-        let row = (at(1, y[i], ay[i], by[i]) >> lattice.steps[1]).wrapping_sub(lattice.first_row << Q);
+        let column = (at(0, x[i], ax[i], bx[i]) >> lattice.steps[0]).wrapping_sub(lattice.first[0] << Q);
+        let row = (at(1, y[i], ay[i], by[i]) >> lattice.steps[1]).wrapping_sub(lattice.first[1] << Q);
         // rows times columns fit 32 bits, if not always with a sign
         let offset = (row >> Q).wrapping_mul(lattice.width).wrapping_add(column >> Q) as u32;
         let fraction = |at: i32| (at as u32 & ((1 << Q) - 1)) << (15 - Q);
