@@ -112,6 +112,7 @@ impl<'a> Builder<'a> {
         let (mut first, end) = (0, rows.next_multiple_of(Size::FEWEST_ROWS));
         while first < rows {
             let begin = self.band.blocks.len();
+            // the smallest blocks always fit
             let is_whole = |size: &Size| first.is_multiple_of(size.rows()) && first + size.rows() <= end;
             for size in Size::ALL.into_iter().filter(is_whole) {
                 if !self.change.may_fit(size) {
