@@ -7,8 +7,8 @@ use super::rows::{Coordinates, OUTSIDE};
 use crate::cpu::Isa;
 use crate::lut::kernels::{Row, for_each_isa};
 
-/// Of a row of blocks the least and the greatest coordinates of each column, of x and of y. Column by column and not block by
-/// block, for that is two loads and two comparisons for sixteen cells: a fifth of the time.
+/// Of a row of blocks the least and the greatest coordinates of each column, of x and of y. Column by column, so that vectors
+/// hold sixteen columns whatever the blocks are: a third of the time of block by block, for 10 cm cells.
 #[derive(Debug)]
 pub(super) struct Extremes {
     /// Less 1.

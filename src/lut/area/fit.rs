@@ -59,8 +59,8 @@ const MOST_CHANGE: f32 = 0.2;
 const MOST_CHANGE_OF_ROWS: f32 = 0.06;
 
 /// Shapes of blocks of more than the fewest rows are those of footprints so far on the way from the middle to the row where
-/// they are longest: boxes that are too small cost more than boxes that are too large. Without it 0.01 to 0.02 dB, of slopes
-/// with more change 0.2 dB.
+/// they are longest: boxes that are too small cost more than boxes that are too large. Without it near cells of 20 cm lost
+/// 0.02 dB more.
 const HALF_WAY: f32 = 0.5;
 
 /// Works out the sides in the middle of each block, in pixels, the mean of those at the nodes beside it, longer by

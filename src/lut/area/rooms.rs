@@ -14,7 +14,8 @@ pub(crate) struct Rooms(Mutex<Vec<Words>>);
 /// A plan and the process keep no more of them than this.
 const KEPT: usize = 2;
 
-/// Of dropped plans no larger ones are kept than this many words: 16 MB, enough for levels of 8 megapixels of 3 bytes.
+/// Of dropped plans no larger ones are kept than this many words: 16 MB. Levels of 3840 x 2160 pixels of 3 bytes are 3 MB
+/// (20 cm cells) to 15 MB (5 x 2.5 cm).
 const MOST_LEFT: usize = 1 << 21;
 
 /// What dropped plans have left.

@@ -24,7 +24,7 @@ pub(crate) struct Coordinates {
     seen: Range<usize>,
 }
 
-/// A vector of entries, so that the first cell begins one.
+/// A vector of entries, so that the first cell begins where a cache line does and vectors of [`super::extremes`] lie in one.
 const LEAD: usize = LANES;
 
 impl Coordinates {

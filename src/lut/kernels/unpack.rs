@@ -20,19 +20,14 @@ fn body(taps: &[Tap], width: u32, xs: &mut [i32], ys: &mut [i32]) {
     // SAFETY: a tap is an offset of 4 bytes, then 4 bytes of fractions, and aligned for such numbers.
     let taps = unsafe { std::slice::from_raw_parts(taps.as_ptr().cast::<[u32; 2]>(), cells) };
     let (xs, ys) = (&mut xs[..cells], &mut ys[..cells]);
-    // where a cache line begins; of those that lie in two, storing takes twice as long
-    let aligned = xs.as_ptr().align_offset(LANES * size_of::<i32>()).min(LANES);
     if cells < LANES {
         return some(taps, width, xs, ys);
     }
-    let mut vector = |first: usize| {
-        let own = first..first + LANES;
+    for first in (0..cells).step_by(LANES) {
+        // the last ones reach back to be as many as the others
+        let own = first.min(cells - LANES)..first.min(cells - LANES) + LANES;
         some(&taps[own.clone()], width, &mut xs[own.clone()], &mut ys[own]);
-    };
-    // the first ones reach on to where vectors begin, and the last ones back, to be as many as the others
-    vector(0);
-    (aligned..=cells - LANES).step_by(LANES).for_each(&mut vector);
-    vector(cells - LANES);
+    }
 }
 
 #[inline(always)]

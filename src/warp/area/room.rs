@@ -31,14 +31,14 @@ impl<'a> Room<'a> {
         Ok(Self { plan, words, count })
     }
 
-    /// The samples of all levels.
+    /// The samples of all levels, to be written.
     pub(super) fn samples<T: Sample>(&mut self) -> Samples<'_, T> {
         let (samples, written) = (8 * self.count / size_of::<T>(), self.words.len() >= self.count);
         // SAFETY: `words` has room for `count` of them, which are aligned for every sample; these may be unwritten.
         Samples { samples: unsafe { std::slice::from_raw_parts_mut(self.words.as_mut_ptr().cast(), samples) }, written }
     }
 
-    /// The samples of all levels.
+    /// The samples of all levels, to be read.
     ///
     /// # Safety
     /// Every one was written: of those that [`Room::samples`] gave, [`Samples::written`] was called for all of them.
