@@ -53,7 +53,7 @@ venv: $(BUILD) $(DEV) ## Make .venv with everything that development needs
 # ---------------------------------------------------------------- build
 # Directories are listed beside files, so that a removed file counts as a change too.
 
-SOURCES := Cargo.toml pyproject.toml README.md $(wildcard Cargo.lock LICENSE-*) $(shell find src python \
+SOURCES := Cargo.toml build.rs pyproject.toml README.md $(wildcard Cargo.lock LICENSE-*) $(shell find src python \
     \( -name __pycache__ -o -name '.?*' \) -prune -o \( -type d -o -name '*.rs' -o -name '*.py' -o -name '*.pyi' -o -name py.typed \) -print)
 WHEEL     := dist/.stamp-wheel
 INSTALLED := $(VENV)/.stamp-installed

@@ -19,7 +19,7 @@ use super::points::PointsArray;
 use crate::geometry::Pose;
 use crate::{Camera, Pinhole};
 
-/// A calibrated camera: intrinsics, image size and pose.
+#[doc = help!("Camera")]
 #[pyclass(frozen, eq, hash, module = "ipm_rs", name = "Camera")]
 #[derive(PartialEq)]
 pub(super) struct PyCamera {
@@ -67,7 +67,7 @@ impl PyCamera {
         })
     }
 
-    /// A camera from where it stands and how it is turned; radians, positive pitch looks down.
+    #[doc = help!("Camera.from_euler")]
     #[classmethod]
     #[pyo3(
         signature = (K, *, image_size, position = None, roll = None, pitch = None, yaw = None, lens = None),
@@ -93,43 +93,43 @@ impl PyCamera {
         Ok(Self { camera: camera.with_lens(lens_model(lens)?) })
     }
 
-    /// K, (3, 3) float64.
+    #[doc = help!("Camera.intrinsics")]
     #[getter]
     fn intrinsics<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         matrix_to_numpy(py, &self.camera.intrinsics())
     }
 
-    /// The lens model beyond the pinhole; None for a pinhole.
+    #[doc = help!("Camera.lens")]
     #[getter]
     fn lens<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
         self.camera.lens().map(|lens| lens_to_python(py, lens)).transpose()
     }
 
-    /// (width, height) in pixels.
+    #[doc = help!("Camera.image_size")]
     #[getter]
     fn image_size(&self) -> (u32, u32) {
         self.camera.image_size()
     }
 
-    /// (4, 4) float64, as given.
+    #[doc = help!("Camera.camera_from_vehicle")]
     #[getter]
     fn camera_from_vehicle<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         matrix_to_numpy(py, &self.camera.camera_from_vehicle().matrix())
     }
 
-    /// (4, 4) float64, the inverse of `camera_from_vehicle`.
+    #[doc = help!("Camera.vehicle_from_camera")]
     #[getter]
     fn vehicle_from_camera<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         matrix_to_numpy(py, &self.camera.vehicle_from_camera().matrix())
     }
 
-    /// The optical centre in the vehicle frame, (3,) float64, metres.
+    #[doc = help!("Camera.position")]
     #[getter]
     fn position<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_slice(py, self.camera.position().as_slice())
     }
 
-    /// Points of the vehicle frame to pixels, depth and validity.
+    #[doc = help!("Camera.project")]
     #[pyo3(signature = (points, *, ground = None, threads = None))]
     fn project<'py>(
         &self,
@@ -150,7 +150,7 @@ impl PyCamera {
         each_projected(py, threads, rows, |&row| self.camera.project_ground(row, &ground))
     }
 
-    /// Pixels to unit directions in the vehicle frame; NaN outside the lens's domain.
+    #[doc = help!("Camera.unproject")]
     fn unproject<'py>(&self, uv: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let floats = Floats::new("uv", "an (N, 2) array", uv)?;
         let rows = floats.rows::<2>("uv")?;
@@ -160,7 +160,7 @@ impl PyCamera {
         rows_to_numpy(uv.py(), rays)
     }
 
-    /// Pixels to road points; NaN where the ray misses the road.
+    #[doc = help!("Camera.ground_from_pixels")]
     #[pyo3(
         signature = (uv, *, ground = None, threads = None),
         text_signature = "(self, uv, *, ground=0.0, threads=None)"
@@ -180,12 +180,12 @@ impl PyCamera {
         })
     }
 
-    /// The camera of the image resampled to width x height.
+    #[doc = help!("Camera.resized")]
     fn resized(&self, width: &Bound<'_, PyAny>, height: &Bound<'_, PyAny>) -> PyResult<Self> {
         Ok(Self { camera: self.camera.resized(whole("width", width)?, whole("height", height)?)? })
     }
 
-    /// The camera of the width x height crop whose top-left pixel is (x, y).
+    #[doc = help!("Camera.cropped")]
     fn cropped(
         &self,
         x: &Bound<'_, PyAny>,
@@ -197,7 +197,7 @@ impl PyCamera {
         Ok(Self { camera: self.camera.cropped(x, y, whole("width", width)?, whole("height", height)?)? })
     }
 
-    /// The same camera elsewhere.
+    #[doc = help!("Camera.with_pose")]
     #[pyo3(signature = (camera_from_vehicle))]
     fn with_pose(&self, camera_from_vehicle: &Bound<'_, PyAny>) -> PyResult<Self> {
         Ok(Self { camera: self.camera.with_pose(pose("camera_from_vehicle", camera_from_vehicle)?) })

@@ -20,7 +20,7 @@ const DEFAULT_PITCH: f64 = 0.1;
 
 #[pymethods]
 impl PyCamera {
-    /// A camera from the pixel where lane markings meet, its height and its focal length.
+    #[doc = help!("Camera.from_vanishing_point")]
     #[classmethod]
     #[pyo3(
         signature = (vanishing_point, *, image_size, focal_length, height, principal_point = None, roll = None, x = None, y = None, lens = None),
@@ -57,7 +57,7 @@ impl PyCamera {
         Ok(Self { camera: Camera::from_vanishing_point(model, lens, size, vanishing_point, position, roll)? })
     }
 
-    /// The camera of the image whose blocks of x x y pixels became one.
+    #[doc = help!("Camera.binned")]
     #[pyo3(signature = (x, y = None, *, rule = None), text_signature = "(self, x, y=None, *, rule='area')")]
     fn binned(
         &self,
@@ -85,17 +85,17 @@ impl PyCamera {
         Ok(Self { camera: self.camera.binned(columns, rows, rule)? })
     }
 
-    /// The camera of `image[::-1, ::-1]`.
+    #[doc = help!("Camera.rotated180")]
     fn rotated180(&self) -> Self {
         Self { camera: self.camera.rotated180() }
     }
 
-    /// The camera of `image[:, ::-1]` in the mirrored world, y to -y.
+    #[doc = help!("Camera.mirrored")]
     fn mirrored(&self) -> Self {
         Self { camera: self.camera.mirrored() }
     }
 
-    /// Cells (row, column) to the pixels that a table samples for them, depth and validity.
+    #[doc = help!("Camera.pixels_from_cells")]
     #[pyo3(signature = (rc, grid, *, ground = None), text_signature = "(self, rc, grid, *, ground=0.0)")]
     fn pixels_from_cells<'py>(
         &self,
@@ -109,7 +109,7 @@ impl PyCamera {
         each_projected(rc.py(), None, rows, |&cell| self.camera.project_cell(cell, &grid.grid, &ground))
     }
 
-    /// Pixels to the cells (row, column) that show what they see; NaN where they see no road.
+    #[doc = help!("Camera.cells_from_pixels")]
     #[pyo3(signature = (uv, grid, *, ground = None), text_signature = "(self, uv, grid, *, ground=0.0)")]
     fn cells_from_pixels<'py>(
         &self,
@@ -125,7 +125,7 @@ impl PyCamera {
         })
     }
 
-    /// A polyline of the vehicle frame, or of the road, as pieces in the image.
+    #[doc = help!("Camera.project_polyline")]
     #[pyo3(
         signature = (points, *, ground = None, closed = None, margin = None, tolerance = None),
         text_signature = "(self, points, *, ground=None, closed=False, margin=0.0, tolerance=0.25)"
@@ -155,7 +155,7 @@ impl PyCamera {
         pieces.into_iter().map(|piece| rows_to_numpy(py, piece)).collect()
     }
 
-    /// The horizon of a level or a plane road, as pieces in the image.
+    #[doc = help!("Camera.horizon")]
     #[pyo3(signature = (*, ground = None, tolerance = None), text_signature = "(self, *, ground=0.0, tolerance=0.25)")]
     fn horizon<'py>(
         &self,
@@ -169,13 +169,13 @@ impl PyCamera {
         pieces.into_iter().map(|piece| rows_to_numpy(py, piece)).collect()
     }
 
-    /// The horizon of a pinhole as (a, b, c), a u + b v + c = 0; None where it lies at infinity.
+    #[doc = help!("Camera.horizon_line")]
     #[pyo3(signature = (*, ground = None), text_signature = "(self, *, ground=0.0)")]
     fn horizon_line(&self, ground: Option<&Bound<'_, PyAny>>) -> PyResult<Option<(f64, f64, f64)>> {
         Ok(self.camera.horizon_line(&plane_of(ground)?)?.map(Into::into))
     }
 
-    /// Metres from the camera to the road point that a pixel sees, level; NaN where it sees none.
+    #[doc = help!("Camera.ground_range")]
     #[pyo3(signature = (uv, *, ground = None), text_signature = "(self, uv, *, ground=0.0)")]
     fn ground_range<'py>(
         &self,
@@ -190,7 +190,7 @@ impl PyCamera {
         Ok(PyArray1::from_vec(uv.py(), ranges))
     }
 
-    /// `ground_range` of every row of the image, in one column.
+    #[doc = help!("Camera.row_ranges")]
     #[pyo3(signature = (*, column = None, ground = None), text_signature = "(self, *, column=None, ground=0.0)")]
     fn row_ranges<'py>(
         &self,
@@ -206,7 +206,7 @@ impl PyCamera {
         Ok(PyArray1::from_vec(py, ranges))
     }
 
-    /// By how many metres ranges are off for a pixel that is off, and for a pitch that is.
+    #[doc = help!("Camera.range_error")]
     #[pyo3(
         signature = (uv, *, ground = None, pixel = None, pitch_deg = None),
         text_signature = "(self, uv, *, ground=0.0, pixel=1.0, pitch_deg=0.1)"

@@ -15,7 +15,7 @@ use crate::{
     warp_direct_into, warp_direct_nearest_into,
 };
 
-/// Warps an image by maps, as `cv2.remap`.
+#[doc = help!("remap")]
 #[pyfunction]
 #[pyo3(
     signature = (image, map_x, map_y, *, interpolation = None, border_mode = None, border_value = None, out = None, threads = None),
@@ -44,7 +44,7 @@ pub(super) fn remap<'py>(
     }
 }
 
-/// Warps an image by a homography, as `cv2.warpPerspective`.
+#[doc = help!("warp_perspective")]
 #[pyfunction]
 #[pyo3(
     signature = (image, M, dsize, *, interpolation = None, inverse_map = None, border_mode = None, border_value = None, out = None, threads = None),

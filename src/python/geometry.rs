@@ -8,7 +8,7 @@ use super::convert::{Floats, float, matrix_to_numpy, matrix3, matrix4, rows_to_n
 use crate::error::finite;
 use crate::geometry::{self, Pose};
 
-/// `Rz(yaw) Ry(pitch) Rx(roll)`, radians; positive pitch looks down.
+#[doc = help!("rotation_from_euler")]
 #[pyfunction]
 pub(super) fn rotation_from_euler<'py>(
     roll: &Bound<'py, PyAny>,
@@ -19,7 +19,7 @@ pub(super) fn rotation_from_euler<'py>(
     matrix_to_numpy(roll.py(), &geometry::rotation_from_euler(r, p, y))
 }
 
-/// Points (x, y, z) -> (x, -y, z): left- to right-handed and back.
+#[doc = help!("flip_handedness")]
 #[pyfunction]
 pub(super) fn flip_handedness<'py>(points: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArray2<f64>>> {
     let floats = Floats::new("points", "an (N, 3) array", points)?;
@@ -28,7 +28,7 @@ pub(super) fn flip_handedness<'py>(points: &Bound<'py, PyAny>) -> PyResult<Bound
     rows_to_numpy(points.py(), flipped)
 }
 
-/// Euler angles (roll, pitch, yaw) -> (roll, -pitch, -yaw).
+#[doc = help!("flip_handedness_euler")]
 #[pyfunction]
 pub(super) fn flip_handedness_euler(
     roll: &Bound<'_, PyAny>,
@@ -39,7 +39,7 @@ pub(super) fn flip_handedness_euler(
     Ok(geometry::flip_handedness_euler(r, p, y))
 }
 
-/// A rotation `S R S` with `S = diag(1, -1, 1)`.
+#[doc = help!("flip_handedness_rotation")]
 #[pyfunction]
 #[pyo3(name = "flip_handedness_rotation", signature = (R))]
 #[expect(non_snake_case, reason = "the field's name for a rotation")]
@@ -49,7 +49,7 @@ pub(super) fn flip_handedness_rotation<'py>(R: &Bound<'py, PyAny>) -> PyResult<B
     matrix_to_numpy(R.py(), &geometry::flip_handedness_rotation(&rotation))
 }
 
-/// A pose `S T S` with `S = diag(1, -1, 1, 1)`: both of its frames change hand.
+#[doc = help!("flip_handedness_pose")]
 #[pyfunction]
 #[pyo3(name = "flip_handedness_pose", signature = (T))]
 #[expect(non_snake_case, reason = "the field's name for a transform")]

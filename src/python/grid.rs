@@ -11,7 +11,7 @@ use super::error::classes::{ArgumentError, ArgumentTypeError};
 use crate::error::Error;
 use crate::{BevGrid, SampleAt};
 
-/// A rectangle of equal cells on the road, in metres; row 0 is the farthest, column 0 the leftmost.
+#[doc = help!("BevGrid")]
 #[pyclass(frozen, eq, hash, module = "ipm_rs", name = "BevGrid")]
 #[derive(PartialEq)]
 pub(super) struct PyBevGrid {
@@ -68,31 +68,31 @@ impl PyBevGrid {
         Ok(Self { grid: BevGrid::new(range("x", x)?, range("y", y)?, resolution, sample_at)? })
     }
 
-    /// (rows, columns).
+    #[doc = help!("BevGrid.shape")]
     #[getter]
     fn shape(&self) -> (usize, usize) {
         (self.grid.rows(), self.grid.columns())
     }
 
-    /// (min, max) along x, metres.
+    #[doc = help!("BevGrid.x")]
     #[getter]
     fn x(&self) -> (f64, f64) {
         self.grid.x()
     }
 
-    /// (min, max) along y, metres.
+    #[doc = help!("BevGrid.y")]
     #[getter]
     fn y(&self) -> (f64, f64) {
         self.grid.y()
     }
 
-    /// Cell size (along x, along y), metres.
+    #[doc = help!("BevGrid.resolution")]
     #[getter]
     fn resolution(&self) -> (f64, f64) {
         self.grid.resolution()
     }
 
-    /// "center" or "corner".
+    #[doc = help!("BevGrid.sample_at")]
     #[getter]
     fn sample_at(&self) -> &'static str {
         match self.grid.sample_at() {
@@ -101,7 +101,7 @@ impl PyBevGrid {
         }
     }
 
-    /// The road points of all samples: (rows, columns, 2) float64, (x, y) in metres.
+    #[doc = help!("BevGrid.xy")]
     fn xy<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray3<f64>>> {
         let (rows, columns) = self.shape();
         let mut points = Vec::new();
@@ -114,14 +114,14 @@ impl PyBevGrid {
         PyArray1::from_vec(py, points).reshape([rows, columns, 2])
     }
 
-    /// Road points (N, 2) to (row, column), whole at the samples.
+    #[doc = help!("BevGrid.cell_from_ground")]
     fn cell_from_ground<'py>(&self, xy: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let floats = Floats::new("xy", "an (N, 2) array", xy)?;
         let cells = floats.rows::<2>("xy")?.iter().map(|&point| self.grid.cell_from_ground(point)).collect();
         rows_to_numpy(xy.py(), cells)
     }
 
-    /// (row, column) (N, 2) to road points.
+    #[doc = help!("BevGrid.ground_from_cell")]
     fn ground_from_cell<'py>(&self, rc: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let floats = Floats::new("rc", "an (N, 2) array", rc)?;
         let points = floats.rows::<2>("rc")?.iter().map(|&cell| self.grid.ground_from_cell(cell)).collect();

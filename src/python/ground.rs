@@ -12,7 +12,7 @@ use super::error::classes::{ArgumentError, ArgumentTypeError};
 use super::ground_points::bev_grid;
 use crate::{Ground, HeightMap, Plane};
 
-/// A plane road: any but an upright one, wherever `ground=` is taken.
+#[doc = help!("Plane")]
 #[pyclass(frozen, eq, hash, module = "ipm_rs", name = "Plane")]
 #[derive(PartialEq)]
 pub(super) struct PyPlane {
@@ -35,7 +35,7 @@ impl PyPlane {
         Ok(Self { plane: Plane::new(normal, point)? })
     }
 
-    /// The plane z = a + b x + c y.
+    #[doc = help!("Plane.from_coefficients")]
     #[classmethod]
     fn from_coefficients(
         _cls: &Bound<'_, PyType>,
@@ -46,7 +46,7 @@ impl PyPlane {
         Ok(Self { plane: Plane::from_coefficients(float("a", a)?, float("b", b)?, float("c", c)?)? })
     }
 
-    /// The plane that climbs `slope` ahead and `bank` to the left; radians.
+    #[doc = help!("Plane.from_angles")]
     #[classmethod]
     #[pyo3(
         signature = (*, slope = None, bank = None, height = None),
@@ -63,19 +63,19 @@ impl PyPlane {
         Ok(Self { plane: Plane::from_angles(slope, bank, height)? })
     }
 
-    /// (a, b, c) of z = a + b x + c y.
+    #[doc = help!("Plane.coefficients")]
     #[getter]
     fn coefficients(&self) -> (f64, f64, f64) {
         self.plane.coefficients().into()
     }
 
-    /// The unit normal that points up, (3,) float64.
+    #[doc = help!("Plane.normal")]
     #[getter]
     fn normal<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         PyArray1::from_slice(py, self.plane.normal().as_slice())
     }
 
-    /// z at (x, y), (N, 2) to (N,).
+    #[doc = help!("Plane.height_at")]
     fn height_at<'py>(&self, xy: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArray1<f64>>> {
         heights_at(&self.plane.into(), xy)
     }
@@ -90,7 +90,7 @@ impl PyPlane {
     }
 }
 
-/// A road of heights at the nodes of a grid: bilinear between them, unknown outside.
+#[doc = help!("HeightMap")]
 #[pyclass(frozen, eq, hash, module = "ipm_rs", name = "HeightMap")]
 #[derive(PartialEq)]
 pub(super) struct PyHeightMap {
@@ -119,7 +119,7 @@ impl PyHeightMap {
         Self::of(heights, origin.into(), spacing.into())
     }
 
-    /// Heights at the samples of a grid, in its order.
+    #[doc = help!("HeightMap.on_grid")]
     #[classmethod]
     fn on_grid(_cls: &Bound<'_, PyType>, heights: &Bound<'_, PyAny>, grid: &Bound<'_, PyAny>) -> PyResult<Self> {
         let grid = &bev_grid(grid)?.grid;
@@ -137,31 +137,31 @@ impl PyHeightMap {
         Self::of(heights, (x, y), (-dx, -dy))
     }
 
-    /// The heights, (rows, columns) float64, a copy.
+    #[doc = help!("HeightMap.heights")]
     #[getter]
     fn heights<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         PyArray1::from_slice(py, self.map.heights()).reshape(self.shape())
     }
 
-    /// (rows, columns): nodes along x, nodes along y.
+    #[doc = help!("HeightMap.shape")]
     #[getter]
     fn shape(&self) -> (usize, usize) {
         (self.map.rows(), self.map.columns())
     }
 
-    /// (x, y) of heights[0, 0], metres.
+    #[doc = help!("HeightMap.origin")]
     #[getter]
     fn origin(&self) -> (f64, f64) {
         self.map.origin()
     }
 
-    /// Metres from one node to the next (along x, along y).
+    #[doc = help!("HeightMap.spacing")]
     #[getter]
     fn spacing(&self) -> (f64, f64) {
         self.map.spacing()
     }
 
-    /// z at (x, y), (N, 2) to (N,); NaN where the road is unknown.
+    #[doc = help!("HeightMap.height_at")]
     fn height_at<'py>(&self, xy: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArray1<f64>>> {
         heights_at(&Ground::HeightMap(Arc::clone(&self.map)), xy)
     }

@@ -10,7 +10,7 @@ use super::grid::PyBevGrid;
 use super::lut::PyLut;
 use crate::{Lut, geometry};
 
-/// The homography from ground to image of four or more points, and how far off it is at each, in pixels.
+#[doc = help!("homography_from_points")]
 #[pyfunction]
 #[expect(clippy::type_complexity, reason = "(image_from_ground, errors)")]
 pub(super) fn homography_from_points<'py>(
@@ -24,7 +24,7 @@ pub(super) fn homography_from_points<'py>(
     Ok((matrix_to_numpy(py, &found.image_from_ground)?, PyArray1::from_vec(py, found.errors)))
 }
 
-/// The pixel where lines meet.
+#[doc = help!("vanishing_point")]
 #[pyfunction]
 pub(super) fn vanishing_point(lines: &Bound<'_, PyAny>) -> PyResult<(f64, f64)> {
     let floats = Floats::new("lines", "an (N, 2, 2) array", lines)?;
@@ -40,7 +40,7 @@ pub(super) fn vanishing_point(lines: &Bound<'_, PyAny>) -> PyResult<(f64, f64)> 
 
 #[pymethods]
 impl PyLut {
-    /// A table without a calibration, from points of the road and the pixels that see them.
+    #[doc = help!("Lut.from_ground_points")]
     #[classmethod]
     #[pyo3(signature = (image_points, ground_points, grid, *, source_size))]
     fn from_ground_points(

@@ -29,8 +29,8 @@ fn limit(object: Option<&Bound<'_, PyAny>>) -> PyResult<Option<f64>> {
 
 /// The Python class of one model: what all have in common.
 macro_rules! lens_class {
-    ($class:ident, $model:ident, $name:literal, $doc:literal, $self:ident => ($($argument:expr),*), { $($methods:tt)* }) => {
-        #[doc = $doc]
+    ($class:ident, $model:ident, $name:literal, $self:ident => ($($argument:expr),*), { $($methods:tt)* }) => {
+        #[doc = help!($name)]
         #[pyclass(frozen, eq, hash, module = "ipm_rs", name = $name)]
         #[derive(Clone, PartialEq)]
         pub(super) struct $class {
@@ -47,7 +47,7 @@ macro_rules! lens_class {
         impl $class {
             $($methods)*
 
-            /// The validity limit, radians from the axis.
+            #[doc = help!($name, ".max_angle")]
             #[getter]
             fn max_angle(&self) -> f64 {
                 self.lens.max_angle()
@@ -69,7 +69,7 @@ macro_rules! lens_class {
     };
 }
 
-lens_class!(PyBrownConrady, BrownConrady, "BrownConrady", "Brown-Conrady, plumb_bob, radtan: radial, tangential, thin prism and tilt.",
+lens_class!(PyBrownConrady, BrownConrady, "BrownConrady",
     self => (self.lens.coefficients().to_vec()), {
     #[new]
     #[pyo3(signature = (coefficients, *, max_angle = None))]
@@ -77,14 +77,14 @@ lens_class!(PyBrownConrady, BrownConrady, "BrownConrady", "Brown-Conrady, plumb_
         Ok(Self { lens: BrownConrady::new(&numbers("coefficients", coefficients)?, limit(max_angle)?)? })
     }
 
-    /// As given.
+    #[doc = help!("BrownConrady.coefficients")]
     #[getter]
     fn coefficients(&self) -> Vec<f64> {
         self.lens.coefficients().to_vec()
     }
 });
 
-lens_class!(PyKannalaBrandt, KannalaBrandt, "KannalaBrandt", "Kannala-Brandt: the equidistant fisheye, KB4.",
+lens_class!(PyKannalaBrandt, KannalaBrandt, "KannalaBrandt",
     self => (self.lens.coefficients().to_vec()), {
     #[new]
     #[pyo3(signature = (coefficients, *, max_angle = None))]
@@ -92,14 +92,14 @@ lens_class!(PyKannalaBrandt, KannalaBrandt, "KannalaBrandt", "Kannala-Brandt: th
         Ok(Self { lens: KannalaBrandt::new(&numbers("coefficients", coefficients)?, limit(max_angle)?)? })
     }
 
-    /// k1, k2, k3, k4.
+    #[doc = help!("KannalaBrandt.coefficients")]
     #[getter]
     fn coefficients(&self) -> Vec<f64> {
         self.lens.coefficients().to_vec()
     }
 });
 
-lens_class!(PyRadialPolynomial, RadialPolynomial, "RadialPolynomial", "WoodScape's polynomial of the angle, in pixels.",
+lens_class!(PyRadialPolynomial, RadialPolynomial, "RadialPolynomial",
     self => (self.lens.coefficients().to_vec()), {
     #[new]
     #[pyo3(signature = (coefficients, *, max_angle = None))]
@@ -107,14 +107,14 @@ lens_class!(PyRadialPolynomial, RadialPolynomial, "RadialPolynomial", "WoodScape
         Ok(Self { lens: RadialPolynomial::new(&numbers("coefficients", coefficients)?, limit(max_angle)?)? })
     }
 
-    /// k1, k2, k3, k4.
+    #[doc = help!("RadialPolynomial.coefficients")]
     #[getter]
     fn coefficients(&self) -> Vec<f64> {
         self.lens.coefficients().to_vec()
     }
 });
 
-lens_class!(PyMei, Mei, "Mei", "Unified omnidirectional model with radtan.",
+lens_class!(PyMei, Mei, "Mei",
     self => (self.lens.xi(), self.lens.coefficients().to_vec()), {
     #[new]
     #[pyo3(signature = (xi, coefficients, *, max_angle = None))]
@@ -126,20 +126,20 @@ lens_class!(PyMei, Mei, "Mei", "Unified omnidirectional model with radtan.",
         Ok(Self { lens: Mei::new(float("xi", xi)?, &numbers("coefficients", coefficients)?, limit(max_angle)?)? })
     }
 
-    /// The distance of the projection centre from the sphere's.
+    #[doc = help!("Mei.xi")]
     #[getter]
     fn xi(&self) -> f64 {
         self.lens.xi()
     }
 
-    /// k1, k2, p1, p2.
+    #[doc = help!("Mei.coefficients")]
     #[getter]
     fn coefficients(&self) -> Vec<f64> {
         self.lens.coefficients().to_vec()
     }
 });
 
-lens_class!(PyDoubleSphere, DoubleSphere, "DoubleSphere", "Double sphere: two unit spheres, then a shifted pinhole.",
+lens_class!(PyDoubleSphere, DoubleSphere, "DoubleSphere",
     self => (self.lens.xi(), self.lens.alpha()), {
     #[new]
     #[pyo3(signature = (xi, alpha, *, max_angle = None))]
@@ -147,20 +147,20 @@ lens_class!(PyDoubleSphere, DoubleSphere, "DoubleSphere", "Double sphere: two un
         Ok(Self { lens: DoubleSphere::new(float("xi", xi)?, float("alpha", alpha)?, limit(max_angle)?)? })
     }
 
-    /// The distance of the spheres' centres.
+    #[doc = help!("DoubleSphere.xi")]
     #[getter]
     fn xi(&self) -> f64 {
         self.lens.xi()
     }
 
-    /// The pinhole's shift.
+    #[doc = help!("DoubleSphere.alpha")]
     #[getter]
     fn alpha(&self) -> f64 {
         self.lens.alpha()
     }
 });
 
-lens_class!(PyEucm, Eucm, "Eucm", "The enhanced unified camera model: an ellipsoid, then a shifted pinhole.",
+lens_class!(PyEucm, Eucm, "Eucm",
     self => (self.lens.alpha(), self.lens.beta()), {
     #[new]
     #[pyo3(signature = (alpha, beta, *, max_angle = None))]
@@ -168,20 +168,20 @@ lens_class!(PyEucm, Eucm, "Eucm", "The enhanced unified camera model: an ellipso
         Ok(Self { lens: Eucm::new(float("alpha", alpha)?, float("beta", beta)?, limit(max_angle)?)? })
     }
 
-    /// The pinhole's shift.
+    #[doc = help!("Eucm.alpha")]
     #[getter]
     fn alpha(&self) -> f64 {
         self.lens.alpha()
     }
 
-    /// The ellipsoid's shape.
+    #[doc = help!("Eucm.beta")]
     #[getter]
     fn beta(&self) -> f64 {
         self.lens.beta()
     }
 });
 
-lens_class!(PyOcam, Ocam, "Ocam", "Scaramuzza's polynomial of the radius, in pixels.",
+lens_class!(PyOcam, Ocam, "Ocam",
     self => (self.lens.polynomial().to_vec(), self.lens.affine().to_vec()), {
     #[new]
     #[pyo3(
@@ -197,13 +197,13 @@ lens_class!(PyOcam, Ocam, "Ocam", "Scaramuzza's polynomial of the radius, in pix
         Ok(Self { lens: Ocam::new(&numbers("polynomial", polynomial)?, affine, limit(max_angle)?)? })
     }
 
-    /// a0, a1, a2, ... as given.
+    #[doc = help!("Ocam.polynomial")]
     #[getter]
     fn polynomial(&self) -> Vec<f64> {
         self.lens.polynomial().to_vec()
     }
 
-    /// (c, d, e).
+    #[doc = help!("Ocam.affine")]
     #[getter]
     fn affine(&self) -> (f64, f64, f64) {
         self.lens.affine().into()

@@ -16,7 +16,7 @@ use super::maps::{contiguous, map_pair};
 use super::options;
 use crate::{Bilinear, Error, ImageView, ImageViewMut, Interpolation, Lut, Sample, WarpOptions};
 
-/// Where every cell of a bird's-eye view samples the image: built once, used for every frame.
+#[doc = help!("Lut")]
 #[pyclass(frozen, eq, module = "ipm_rs", name = "Lut")]
 #[derive(PartialEq)]
 pub(super) struct PyLut {
@@ -38,7 +38,7 @@ impl PyLut {
         Ok(Self { lut })
     }
 
-    /// A table from maps as `cv2.remap` takes them.
+    #[doc = help!("Lut.from_maps")]
     #[classmethod]
     #[pyo3(signature = (map_x, map_y, *, source_size))]
     fn from_maps(
@@ -57,7 +57,7 @@ impl PyLut {
         Ok(Self { lut })
     }
 
-    /// A table from a homography that maps output pixel to source pixel.
+    #[doc = help!("Lut.from_homography")]
     #[classmethod]
     #[pyo3(signature = (M, *, size, source_size))]
     #[expect(non_snake_case, reason = "the field's name for a homography")]
@@ -74,7 +74,7 @@ impl PyLut {
         Ok(Self { lut: py.detach(|| Lut::from_homography(&matrix, size, source_size))? })
     }
 
-    /// Warps an image to the grid: a bird's-eye view.
+    #[doc = help!("Lut.warp")]
     #[pyo3(
         signature = (image, *, interpolation = None, border_value = None, out = None, threads = None, layout = None),
         text_signature = "(self, image, *, interpolation='bilinear', border_value=0, out=None, threads=None, layout='HWC')"
@@ -115,39 +115,39 @@ impl PyLut {
         }
     }
 
-    /// (rows, columns).
+    #[doc = help!("Lut.shape")]
     #[getter]
     fn shape(&self) -> (usize, usize) {
         (self.lut.rows(), self.lut.columns())
     }
 
-    /// (width, height) of the images that it is for.
+    #[doc = help!("Lut.source_size")]
     #[getter]
     fn source_size(&self) -> (u32, u32) {
         self.lut.source_size()
     }
 
-    /// Bytes that the table holds.
+    #[doc = help!("Lut.nbytes")]
     #[getter]
     fn nbytes(&self) -> usize {
         self.lut.nbytes()
     }
 
-    /// Which cells see the image: (rows, columns) bool.
+    #[doc = help!("Lut.mask")]
     #[getter]
     fn mask<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<bool>>> {
         let mask = py.detach(|| self.lut.mask());
         PyArray1::from_vec(py, mask).reshape(self.shape())
     }
 
-    /// Source pixels from a cell to the next, down the rows and along the columns: (rows, columns, 2) float32.
+    #[doc = help!("Lut.sampling_density")]
     fn sampling_density<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray3<f32>>> {
         let density = py.detach(|| self.lut.sampling_density())?;
         let (rows, columns) = self.shape();
         PyArray1::from_vec(py, density).reshape((rows, columns, 2))
     }
 
-    /// Which cells see at least `minimum` source pixels in every direction: (rows, columns) bool.
+    #[doc = help!("Lut.resolved_mask")]
     #[pyo3(signature = (minimum = None), text_signature = "(self, minimum=0.5)")]
     fn resolved_mask<'py>(
         &self,
@@ -159,7 +159,7 @@ impl PyLut {
         PyArray1::from_vec(py, mask).reshape(self.shape())
     }
 
-    /// (map_x, map_y), (rows, columns) float32, for `cv2.remap` and its like.
+    #[doc = help!("Lut.maps")]
     #[pyo3(signature = (outside = None))]
     #[expect(clippy::type_complexity, reason = "(map_x, map_y)")]
     fn maps<'py>(

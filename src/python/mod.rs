@@ -15,6 +15,14 @@
 //! arrays stay borrowed meanwhile, which other users of rust-numpy see, while Python code that writes to an input from
 //! another thread does so at its own risk, as with NumPy itself.
 
+/// The docstring of a public name, from the type stub `_core.pyi`: the one place where it is written. `build.rs` puts
+/// each into a file; the build fails where the stub has none.
+macro_rules! help {
+    ($($name:expr),+) => {
+        include_str!(concat!(env!("OUT_DIR"), "/help/", $($name,)+ ".txt"))
+    };
+}
+
 mod camera;
 mod camera_geometry;
 mod camera_readers;
@@ -78,19 +86,19 @@ mod core_module {
     const __version__: &str = env!("CARGO_PKG_VERSION");
 }
 
-/// How many threads a call uses when it does not say.
+#[doc = help!("get_num_threads")]
 #[pyfunction]
 fn get_num_threads() -> usize {
     crate::num_threads()
 }
 
-/// Sets how many threads a call uses when it does not say.
+#[doc = help!("set_num_threads")]
 #[pyfunction]
 fn set_num_threads(n: &Bound<'_, PyAny>) -> PyResult<()> {
     Ok(crate::set_num_threads(options::thread_count("n", n)?)?)
 }
 
-/// The build, the CPU and the threads: what a bug report needs.
+#[doc = help!("cpu_info")]
 #[pyfunction]
 fn cpu_info(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
     let info = PyDict::new(py);

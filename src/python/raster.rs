@@ -15,7 +15,7 @@ use super::shared;
 use crate::raster::{Coordinates, RasterOptions, Real, Reduce, Strided, Values, rasterize_values};
 use crate::{BevGrid, raster};
 
-/// Points onto a grid, as layers.
+#[doc = help!("rasterize")]
 #[pyfunction]
 #[pyo3(
     signature = (points, grid, values = None, reduce = None, *, slices = None, density_full = None, threads = None),

@@ -11,7 +11,7 @@ use crate::BevGrid;
 use crate::error::Error;
 use crate::raster::{box_corners, check_polygon, draw_polygon};
 
-/// Boxes onto a grid, as labels.
+#[doc = help!("rasterize_boxes")]
 #[pyfunction]
 #[pyo3(signature = (boxes, grid, labels = None, *, background = None, out = None), text_signature = "(boxes, grid, labels=None, *, background=0, out=None)")]
 pub(super) fn rasterize_boxes<'py>(
@@ -31,7 +31,7 @@ pub(super) fn rasterize_boxes<'py>(
     draw(boxes.py(), &polygons, grid, labels, background, out)
 }
 
-/// Polygons onto a grid, as labels.
+#[doc = help!("rasterize_polygons")]
 #[pyfunction]
 #[pyo3(signature = (polygons, grid, labels = None, *, background = None, out = None), text_signature = "(polygons, grid, labels=None, *, background=0, out=None)")]
 pub(super) fn rasterize_polygons<'py>(

@@ -18,7 +18,7 @@ fn unit(normalized: Option<&Bound<'_, PyAny>>) -> PyResult<DepthUnit> {
     })
 }
 
-/// CARLA's 24-bit depth to float32.
+#[doc = help!("decode_carla_depth")]
 #[pyfunction]
 #[pyo3(
     signature = (image, *, order = None, normalized = None, out = None, threads = None),
@@ -62,7 +62,7 @@ pub(in crate::python) fn decode_carla_depth<'py>(
     Ok(given.cloned().unwrap_or_else(|| out.into_array().into_any()))
 }
 
-/// Depth to CARLA's 24 bits.
+#[doc = help!("encode_carla_depth")]
 #[pyfunction]
 #[pyo3(
     signature = (depth, *, order = None, normalized = None, threads = None),

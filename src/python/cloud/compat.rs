@@ -13,7 +13,7 @@ use crate::python::error::classes::{ArgumentError, ArgumentTypeError, ImageError
 use crate::python::image::ImageArray;
 use crate::python::layout::Layout;
 
-/// The documents' `depth_to_lidar`.
+#[doc = help!("depth_to_lidar")]
 #[pyfunction]
 #[pyo3(
     signature = (normalized_depth, w, h, K, max_depth = None),
@@ -52,7 +52,7 @@ fn lidar_as<'py, T: PointSample + numpy::Element>(
     PyTuple::new(py, [points.into_any(), metres.into_any()])
 }
 
-/// CARLA 0.8.4's `depth_to_local_point_cloud`.
+#[doc = help!("depth_to_local_point_cloud")]
 #[pyfunction]
 #[pyo3(
     signature = (normalized_depth, fov, *, color = None, max_depth = None),

@@ -17,7 +17,7 @@ use crate::python::image::ImageArray;
 use crate::python::layout::Layout;
 use crate::python::options::thread_count;
 
-/// Back-projects a depth image.
+#[doc = help!("points_from_depth")]
 #[pyfunction]
 #[pyo3(
     signature = (

@@ -11,7 +11,7 @@ use crate::python::convert::{Reduced, rebuilt_by_new, type_name};
 use crate::python::error::classes::ArgumentTypeError;
 use crate::python::options::thread_count;
 
-/// The rays of a camera's pixels, worked out once.
+#[doc = help!("PixelRays")]
 #[pyclass(frozen, eq, hash, module = "ipm_rs", name = "PixelRays")]
 pub(in crate::python) struct PyPixelRays {
     pub(super) rays: PixelRays,
@@ -44,13 +44,13 @@ impl PyPixelRays {
         Ok(Self { rays: py.detach(|| PixelRays::new(&camera, threads))? })
     }
 
-    /// The camera whose they are.
+    #[doc = help!("PixelRays.camera")]
     #[getter]
     fn camera(&self) -> PyCamera {
         PyCamera { camera: *self.rays.camera() }
     }
 
-    /// Bytes of the table.
+    #[doc = help!("PixelRays.nbytes")]
     #[getter]
     fn nbytes(&self) -> usize {
         self.rays.nbytes()

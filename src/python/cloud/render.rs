@@ -17,7 +17,7 @@ use crate::python::options::{border_value, thread_count};
 use crate::python::points::PointsArray;
 use crate::{Camera, ImageView};
 
-/// Draws points as the camera sees them.
+#[doc = help!("render_points")]
 #[pyfunction]
 #[pyo3(
     signature = (
