@@ -9,7 +9,7 @@ Frames: vehicle ISO 8855 (x forward, y left, z up, metres), camera optical (x ri
 the centre of the top-left pixel. Transforms are named `dst_from_src`; angles are in radians, positive pitch looks down.
 """
 
-from ipm_rs import calibration, errors, reference
+from ipm_rs import calibration, errors, pointfile, reference
 from ipm_rs._core import (
     BevGrid,
     BrownConrady,
@@ -104,6 +104,7 @@ __all__ = [
     "flip_handedness_rotation",
     "get_num_threads",
     "homography_from_points",
+    "pointfile",
     "points_from_depth",
     "rasterize",
     "rasterize_boxes",

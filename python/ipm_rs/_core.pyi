@@ -987,6 +987,9 @@ class Camera:
 
         Returns:
             (N,) float64; NaN where a pixel sees no road.
+
+        Raises:
+            ArgumentError, ArgumentTypeError: the shape or the type is wrong.
         """
     def row_ranges(
         self, *, column: float | None = None, ground: float | Plane | HeightMap = 0.0
@@ -999,6 +1002,9 @@ class Camera:
 
         Returns:
             (height,) float64 metres; NaN above the horizon.
+
+        Raises:
+            ArgumentError, ArgumentTypeError: an argument is no number or no road.
         """
     def range_error(
         self,
@@ -1021,6 +1027,9 @@ class Camera:
         Returns:
             (by_pixel, by_pitch), each (N,) float64 metres: the larger error of both directions, infinite where one of
             them sees no road, NaN where the pixel itself sees none.
+
+        Raises:
+            ArgumentError, ArgumentTypeError: the shape or the type is wrong, or an error is negative or not finite.
         """
     def with_pose(self, camera_from_vehicle: ArrayLike) -> Camera:
         """The same camera elsewhere.
@@ -1090,6 +1099,9 @@ class BevGrid:
 
         Returns:
             (N, 2) float64 (row, column), whole at the samples, also outside the grid.
+
+        Raises:
+            ArgumentError, ArgumentTypeError: the shape or the type is wrong.
         """
     def ground_from_cell(self, rc: ArrayLike) -> NDArray[np.float64]:
         """Cells to road points: the inverse of `cell_from_ground`.
@@ -1099,6 +1111,9 @@ class BevGrid:
 
         Returns:
             (N, 2) float64 (x, y) in metres.
+
+        Raises:
+            ArgumentError, ArgumentTypeError: the shape or the type is wrong.
         """
     def __eq__(self, other: object, /) -> bool: ...
     def __ne__(self, other: object, /) -> bool: ...
@@ -1164,6 +1179,9 @@ class Plane:
 
         Returns:
             (N,) float64, metres.
+
+        Raises:
+            ArgumentError, ArgumentTypeError: the shape or the type is wrong.
         """
     def __eq__(self, other: object, /) -> bool: ...
     def __ne__(self, other: object, /) -> bool: ...
@@ -1228,6 +1246,9 @@ class HeightMap:
 
         Returns:
             (N,) float64, metres; NaN where the road is not known.
+
+        Raises:
+            ArgumentError, ArgumentTypeError: the shape or the type is wrong.
         """
     def __eq__(self, other: object, /) -> bool: ...
     def __ne__(self, other: object, /) -> bool: ...
@@ -1375,6 +1396,9 @@ class Lut:
             minimum: source pixels a cell that there must be in every direction on the grid; 0.5 is one pixel for every
                 two cells. Both numbers of `sampling_density` may be larger where the mask is False: far to the side a
                 step ahead and a step aside lead the same way on the image, and what lies across it is not told apart.
+
+        Raises:
+            ArgumentTypeError: no number.
         """
     def maps(self, outside: float | None = None) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """The table as maps for `cv2.remap` and its like.
@@ -1385,6 +1409,9 @@ class Lut:
         Returns:
             (map_x, map_y), each (rows, columns) float32: source pixels of valid cells and of those less than one pixel
             outside the image. `cv2.remap(image, *lut.maps(outside=-9))` gives `lut.warp(image)` to one grey level.
+
+        Raises:
+            ArgumentTypeError: no number.
         """
     @classmethod
     def _from_bytes(cls, data: bytes) -> Lut: ...
@@ -1449,6 +1476,9 @@ def flip_handedness(points: ArrayLike) -> NDArray[np.float64]:
 
     Returns:
         (N, 3) float64, a new array.
+
+    Raises:
+        ArgumentError, ArgumentTypeError: the shape or the type is wrong.
     """
 
 def flip_handedness_euler(roll: float, pitch: float, yaw: float) -> tuple[float, float, float]:
@@ -1456,6 +1486,9 @@ def flip_handedness_euler(roll: float, pitch: float, yaw: float) -> tuple[float,
 
     The left-handed angles are CARLA's (positive pitch lifts the nose, positive yaw turns right), the right-handed those
     of `rotation_from_euler`.
+
+    Raises:
+        CalibrationError, ArgumentTypeError: an angle is not finite, or no number.
     """
 
 def flip_handedness_rotation(R: ArrayLike) -> NDArray[np.float64]:
@@ -1865,7 +1898,8 @@ def depth_to_lidar(
 
     Args:
         normalized_depth: (h, w), or flat, 0 to 1 as `decode_carla_depth(image, normalized=True)` gives it; 1 is 1000 m.
-        w, h: columns and rows.
+        w: columns.
+        h: rows.
         K: (3, 3), any invertible matrix.
         max_depth: farther pixels become the point (0, 0, 0); those exactly there, and NaN, stay.
 

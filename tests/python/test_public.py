@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ast
-import importlib
+import importlib.util
 import inspect
 import pathlib
 import pickle
@@ -19,20 +19,12 @@ from ipm_rs import errors
 from ipm_rs.calibration import FORMATS
 
 FOLDER = pathlib.Path(ipm_rs.__file__).parent
-LENSES = ("BrownConrady", "KannalaBrandt", "Mei", "DoubleSphere", "Eucm", "RadialPolynomial", "Ocam")
-CLASSES = ("Camera", "BevGrid", "Lut", "Plane", "HeightMap", *LENSES)
-FUNCTIONS = (
-    "flip_handedness",
-    "flip_handedness_euler",
-    "flip_handedness_rotation",
-    "flip_handedness_pose",
-    "homography_from_points",
-    "vanishing_point",
-    "rotation_from_euler",
-    "cpu_info",
-    "set_num_threads",
-    "get_num_threads",
-)
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+PUBLIC = {name: getattr(ipm_rs, name) for name in ipm_rs.__all__ if name != "__version__"}
+MODULES = [name for name, value in PUBLIC.items() if inspect.ismodule(value)]
+EXCEPTIONS = [name for name, value in PUBLIC.items() if isinstance(value, type) and issubclass(value, BaseException)]
+CLASSES = [name for name, value in PUBLIC.items() if isinstance(value, type) and name not in EXCEPTIONS]
+FUNCTIONS = [name for name, value in PUBLIC.items() if inspect.isroutine(value)]
 MEMBERS = {
     "Camera": (
         "from_euler load save to_json intrinsics lens image_size camera_from_vehicle vehicle_from_camera position "
@@ -52,6 +44,8 @@ MEMBERS = {
     "HeightMap": "on_grid heights shape origin spacing height_at",
     "Lut": "from_maps from_homography from_ground_points warp mask maps sampling_density resolved_mask shape "
     "source_size nbytes",
+    "PixelRays": "camera nbytes",
+    "Layers": "",
 }
 BASES = {
     "IpmError": (Exception,),
@@ -69,15 +63,41 @@ BASES = {
 }
 
 
-def test_every_promised_name_is_exported():
-    for name in (*CLASSES, *FUNCTIONS, "reference", "IpmError", "__version__"):
-        assert hasattr(ipm_rs, name), name
-        assert name in ipm_rs.__all__, name
+def test_every_public_name_is_of_a_kind_that_is_looked_at():
+    """Each test below goes over one of these lists; together they are everything that is exported."""
+    assert sorted([*MODULES, *EXCEPTIONS, *CLASSES, *FUNCTIONS, "__version__"]) == sorted(ipm_rs.__all__)
+    assert [name for name, value in vars(ipm_rs).items() if not name.startswith("_") and callable(value)] == [
+        name for name in vars(ipm_rs) if name in (*EXCEPTIONS, *CLASSES, *FUNCTIONS)
+    ]
+
+
+def documented_on_the_api_page() -> set[str]:
+    page = (ROOT / "docs" / "api.md").read_text(encoding="utf-8")
+    return {name.removeprefix("ipm_rs.") for name in re.findall(r"^::: (ipm_rs\.[\w.]+)$", page, re.MULTILINE)}
+
+
+def test_the_api_page_has_every_public_name():
+    on_page = documented_on_the_api_page()
+    assert sorted(set(FUNCTIONS + CLASSES) - on_page) == []
+    for module in MODULES:  # as a whole, or each of its functions
+        promised = getattr(ipm_rs, module).__all__
+        functions = {f"{module}.{name}" for name in promised if inspect.isroutine(getattr(PUBLIC[module], name))}
+        assert module in on_page or functions <= on_page, module
+    assert "errors" in on_page and set(EXCEPTIONS) <= set(errors.__all__)
+    assert "ipm_rs.__version__" in (ROOT / "docs" / "api.md").read_text(encoding="utf-8")
+
+
+def test_the_api_page_has_nothing_that_is_not_public():
+    for name in documented_on_the_api_page():
+        module, _, last = name.rpartition(".")
+        owner = importlib.import_module(f"ipm_rs.{module}".rstrip("."))
+        part = not last.startswith("_") and importlib.util.find_spec(f"{owner.__name__}.{last}")
+        assert last in owner.__all__ or part, name
 
 
 @pytest.mark.parametrize(
     "module",
-    ["ipm_rs", "ipm_rs.reference", "ipm_rs.calibration", *(f"ipm_rs.calibration.{name}" for name in FORMATS)],
+    ["ipm_rs", *(f"ipm_rs.{name}" for name in MODULES), *(f"ipm_rs.calibration.{name}" for name in FORMATS)],
 )
 def test_all_is_true(module):
     module = importlib.import_module(module)
@@ -129,23 +149,49 @@ def test_no_member_is_a_surprise(name):
     assert public == set(MEMBERS[name].split())
 
 
-def test_the_stub_documents_every_name():
-    """Editors and the manual read `_core.pyi`: every function there says what it takes and what it refuses."""
-    stub = ast.parse((FOLDER / "_core.pyi").read_text(encoding="utf-8"))
-    documented = {}
-    for node in stub.body:
-        if isinstance(node, ast.ClassDef):
-            members = [n for n in node.body if isinstance(n, ast.FunctionDef) and not n.name.startswith("__")]
-            documented |= {f"{node.name}.{n.name}": ast.get_docstring(n) for n in members}
-        if isinstance(node, ast.FunctionDef | ast.ClassDef):
-            documented[node.name] = ast.get_docstring(node)
-    promised = {*CLASSES, *FUNCTIONS, *(f"{name}.{m}" for name, text in MEMBERS.items() for m in text.split())}
-    assert promised <= documented.keys()
-    assert [name for name in promised if not documented[name]] == []
-    for name, shape in (("Camera.project", "(N, 3)"), ("Lut.warp", "(H, W"), ("BevGrid.xy", "(rows, columns, 2)")):
-        assert shape in documented[name], name
-    for name in ("Camera.project", "Lut.warp", "Lut.from_maps"):
-        assert "Error" in documented[name], name
+STUB = ast.parse((FOLDER / "_core.pyi").read_text(encoding="utf-8"))
+STUB_FUNCTIONS = {
+    f"{owner.name}.{node.name}" if isinstance(owner, ast.ClassDef) else node.name: node
+    for owner in (STUB, *(node for node in STUB.body if isinstance(node, ast.ClassDef)))
+    for node in owner.body
+    if isinstance(node, ast.FunctionDef)
+}
+
+
+def test_the_stub_gives_every_argument_and_result_a_type():
+    """`tests/python/test_help.py` holds names and docstrings of stub and module against each other."""
+    untyped = []
+    for name, node in STUB_FUNCTIONS.items():
+        every = [*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs, node.args.vararg, node.args.kwarg]
+        arguments = [a for a in every if a is not None and a.arg not in ("self", "cls")]
+        untyped += [f"{name}({a.arg})" for a in arguments if a.annotation is None]
+        untyped += [] if node.returns else [f"{name} ->"]
+    assert untyped == []
+    assert {*FUNCTIONS} <= STUB_FUNCTIONS.keys()
+
+
+@pytest.mark.parametrize("module", [name for name in MODULES if name != "errors"])
+def test_functions_of_public_modules_are_typed_and_documented(module):
+    for name in PUBLIC[module].__all__:
+        value = getattr(PUBLIC[module], name)
+        if inspect.isfunction(value):
+            signature = inspect.signature(value)
+            assert inspect.getdoc(value), name
+            assert signature.return_annotation is not inspect.Signature.empty, name
+            assert [p.name for p in signature.parameters.values() if p.annotation is p.empty] == [], name
+
+
+def test_docstrings_say_shapes_and_what_is_refused():
+    for name, shape in (
+        (ipm_rs.Camera.project, "(N, 3)"),
+        (ipm_rs.Lut.warp, "(H, W"),
+        (ipm_rs.BevGrid.xy, "columns, 2)"),
+    ):
+        assert shape in inspect.getdoc(name), name
+    methods = [getattr(getattr(ipm_rs, name), member) for name in MEMBERS for member in MEMBERS[name].split()]
+    for function in [*filter(callable, methods), *map(PUBLIC.get, FUNCTIONS)]:
+        takes = [name for name in inspect.signature(function).parameters if name != "self"]
+        assert not takes or "\nRaises:\n" in inspect.getdoc(function), function
 
 
 def test_keywords_stay_keywords():
@@ -184,6 +230,7 @@ def test_error_classes(name):
 
 
 def test_error_classes_are_public():
+    assert set(EXCEPTIONS) == set(BASES)
     for name in BASES:
         assert getattr(ipm_rs, name, None) is getattr(errors, name), name
 
