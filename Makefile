@@ -150,7 +150,7 @@ bench-instructions: $(BASE) ## Count instructions a cell (valgrind, AVX2) agains
 
 docs: $(DEV) ## Build the documentation into site/, and the Rust documentation into target/doc
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc $(LOCKED) --quiet --no-deps
-	$(PY) -m mkdocs build --quiet --strict
+	$(PY) -m mkdocs build --strict # not --quiet: it hides the warnings, and what is hidden does not fail
 
 fmt: $(DEV) ## Format Rust and Python
 	$(CARGO) fmt

@@ -1276,6 +1276,7 @@ class Lut:
                 `HeightMap`.
 
         Raises:
+            ArgumentError, ArgumentTypeError: an argument is of another kind, or `ground` is not finite.
             OutOfMemoryError: there is not enough memory for the table.
         """
     @classmethod

@@ -43,7 +43,8 @@ impl Lut {
     /// cells where the road is not known, and those that a crest hides.
     ///
     /// # Errors
-    /// [`Error::OutOfMemory`].
+    /// [`Error::OutOfMemory`] where there is no memory for the table, [`Error::Isa`] where the environment variable
+    /// IPM_RS_ISA names no instruction set that is available. Camera, grid and ground were checked when they were made.
     pub fn new(camera: &Camera, grid: &BevGrid, ground: &Ground) -> Result<Self> {
         let isa = Isa::active()?;
         let ys: Row = (0..grid.columns()).map(|column| grid.y_of_column(column as f64)).collect();
@@ -92,7 +93,7 @@ impl Lut {
     ///
     /// # Errors
     /// [`Error::MapLength`] where the maps differ in length or are no whole number of rows, [`Error::EmptyImage`]
-    /// where they are empty, [`Error::ImageSize`], [`Error::TooManyCells`] and [`Error::OutOfMemory`].
+    /// where they are empty, [`Error::ImageSize`], [`Error::TooManyCells`], [`Error::OutOfMemory`] and [`Error::Isa`].
     pub fn from_maps<T: Copy + Into<f64> + Sync>(
         map_x: &[T],
         map_y: &[T],
@@ -120,8 +121,8 @@ impl Lut {
     /// component sample the image, because a homography's sign is arbitrary; where it is 0 there is nothing.
     ///
     /// # Errors
-    /// [`Error::Homography`] where the matrix is singular or not finite, [`Error::ImageSize`], [`Error::TooManyCells`]
-    /// and [`Error::OutOfMemory`].
+    /// [`Error::Homography`] where the matrix is singular or not finite, [`Error::ImageSize`], [`Error::TooManyCells`],
+    /// [`Error::OutOfMemory`] and [`Error::Isa`].
     pub fn from_homography(m: &Matrix3<f64>, size: (u32, u32), source_size: (u32, u32)) -> Result<Self> {
         check_homography(m)?;
         let size = check_image_size("size", size.0.into(), size.1.into())?;

@@ -32,7 +32,7 @@ impl Lut {
     ///
     /// # Errors
     /// Those of [`homography_from_points`], [`Error::Points`] where the pairs make a mirror image of the road (y points
-    /// left), [`Error::ImageSize`] and [`Error::OutOfMemory`].
+    /// left), [`Error::ImageSize`], [`Error::OutOfMemory`] and [`Error::Isa`].
     pub fn from_ground_points(
         image: &[[f64; 2]],
         ground: &[[f64; 2]],

@@ -133,7 +133,8 @@ impl RasterOptions<'_> {
 ///
 /// # Errors
 /// [`Error::PointColumns`], [`Error::PointValues`], [`Error::TooManyPoints`], [`Error::Slices`],
-/// [`Error::DensityFull`], [`Error::TooManyCells`], [`Error::Threads`] and [`Error::OutOfMemory`].
+/// [`Error::DensityFull`], [`Error::TooManyCells`], [`Error::Threads`], [`Error::OutOfMemory`]
+/// and [`Error::Isa`].
 pub fn rasterize<T: Real>(
     points: &Strided<'_, T>,
     values: Option<&dyn Values<T>>,

@@ -1,7 +1,8 @@
-"""What the documentation promises of the formats: a page each, in the navigation, and drawings that are up to date."""
+"""What the documentation promises: every page in the navigation, one for each format, drawings that are up to date."""
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -11,6 +12,42 @@ import pytest
 from ipm_rs import calibration
 
 ROOT = Path(__file__).resolve().parents[2]
+NAVIGATION = re.findall(
+    r"^ +- (?:[^:\n]+: )?(\S+\.md)$", (ROOT / "mkdocs.yml").read_text(encoding="utf-8"), re.MULTILINE
+)
+FROM_THE_ROOT = ("README.md", "CONTRIBUTING.md", "CHANGELOG.md")  # scripts/mkdocs_root_pages.py
+
+
+def pages() -> list[Path]:
+    return [*(ROOT / name for name in FROM_THE_ROOT), *sorted((ROOT / "docs").rglob("*.md"))]
+
+
+def test_every_page_is_in_the_navigation():
+    """Pages, decisions and the Markdown files of the root: each once, and nothing that is not there."""
+    docs = [page.relative_to(ROOT / "docs").as_posix() for page in (ROOT / "docs").rglob("*.md")]
+    assert sorted(NAVIGATION) == sorted([*docs, *(name.lower() for name in FROM_THE_ROOT)])
+    assert {page.parent for page in ROOT.glob("*.md")} == {ROOT} and {p.name for p in ROOT.glob("*.md")} == {
+        *FROM_THE_ROOT
+    }
+
+
+def test_decisions_are_numbered_without_gaps():
+    names = sorted(page.name for page in (ROOT / "docs" / "decisions").glob("*.md"))
+    assert [name[:5] for name in names] == [f"{number:04}-" for number in range(1, len(names) + 1)]
+    for name in names:
+        title = (ROOT / "docs" / "decisions" / name).read_text(encoding="utf-8").splitlines()[0]
+        assert title.startswith(f"# {name[:4]}: "), name
+
+
+@pytest.mark.parametrize("page", pages(), ids=lambda page: page.relative_to(ROOT).as_posix())
+def test_links_lead_somewhere(page):
+    """MkDocs checks its own pages; this checks the repository's as well, where they are read without it."""
+    text = re.sub(r"^```.*?^```", "", page.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)
+    for target in re.findall(r"\]\(([^)#\s]+)[^)]*\)", text):
+        if "://" not in target:
+            found = page.parent / target
+            generated = found.parent == ROOT / "docs" and found.name.upper() in map(str.upper, FROM_THE_ROOT)
+            assert found.exists() or generated, target
 
 
 @pytest.mark.parametrize("name", calibration.FORMATS)

@@ -1,0 +1,84 @@
+"""What the documents say of the source tree: where `unsafe` lives, which files there are, which targets make has."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+RUST = sorted((ROOT / "src").rglob("*.rs"))
+
+
+def code(path: Path) -> str:
+    """A Rust source without comments and the insides of strings."""
+    text = re.sub(r"//[^\n]*", "", path.read_text(encoding="utf-8"))
+    return re.sub(r'"(?:\\.|[^"\\])*"', '""', text)
+
+
+def read(name: str) -> str:
+    return (ROOT / name).read_text(encoding="utf-8")
+
+
+def test_unsafe_lives_where_decision_0007_says():
+    rows = [line for line in read("docs/decisions/0007-where-unsafe-lives.md").splitlines() if line.startswith("| `")]
+    places = {place: 0 for row in rows for place in re.findall(r"`(src/[^`]*)`", row.split("|")[1])}
+    assert places
+    for path in RUST:
+        if re.search(r"\bunsafe\b", code(path)):
+            name = path.relative_to(ROOT).as_posix()
+            found = [place for place in places if name == place or (place.endswith("/") and name.startswith(place))]
+            assert len(found) == 1, f"{name} holds unsafe; decision 0007 lists it {len(found)} times"
+            places[found[0]] += 1
+    assert [place for place, count in places.items() if not count] == []
+
+
+def test_only_one_file_asks_the_cpu():
+    asking = [path.name for path in RUST if "feature_detected!" in code(path)]
+    assert asking == ["cpu.rs"]
+
+
+def test_the_page_about_kernels_lists_their_files():
+    """The tree of docs/simd.md: each folder with its files, `mod.rs` and tests apart."""
+    tree = re.search(r"^```text\n(.*?)^```", read("docs/simd.md"), re.MULTILINE | re.DOTALL)[1]
+    for folder in (ROOT / "src/warp/kernels", ROOT / "src/lut/kernels"):
+        for path in sorted(folder.rglob("*.rs")):
+            assert re.search(rf"\b{path.stem}\b", tree), f"{path.relative_to(ROOT)} is not in the tree"
+    listed = set(re.findall(r"\b(\w+)\.rs\b", tree))
+    assert listed <= {path.stem for path in RUST}
+
+
+def test_the_page_about_kernels_names_what_exists():
+    page = read("docs/simd.md")
+    for name in re.findall(r"\((`\w+`)\)", page):
+        assert any(name.strip("`") in code(path) for path in RUST), name
+    for target in re.findall(r"`make ([a-z-]+)", page):
+        assert re.search(rf"^{target}:", read("Makefile"), re.MULTILINE), target
+    emulated = read("scripts/test_emulated.py")
+    for cpu in ("Nehalem", "Haswell", "EPYC"):
+        assert cpu in page and f'"{cpu}"' in emulated
+
+
+def test_contributing_names_what_exists():
+    page = read("CONTRIBUTING.md")
+    for target in re.findall(r"`make ([a-z-]+)", page):
+        assert re.search(rf"^{target}:", read("Makefile"), re.MULTILINE), target
+    tree = re.search(r"^```text\n(.*?)^```", page, re.MULTILINE | re.DOTALL)[1]
+    for line in tree.splitlines():
+        if line[0] != " ":
+            assert (ROOT / line.split()[0]).exists(), line
+    folders = {path.name + "/" for path in ROOT.iterdir() if path.is_dir() and path.name[0] != "."}
+    made = {"target/", "dist/", "site/"}
+    assert {folder for folder in folders - made if folder != "proptest-regressions/"} <= set(
+        re.findall(r"^\S+/", tree, re.M)
+    ) | {"python/"}
+
+
+def test_the_workflow_runs_what_a_commit_does_not():
+    nightly = read(".github/workflows/nightly.yml")
+    assert "schedule:" in nightly and "cron:" in nightly
+    for target in ("test-neon", "test-no-avx"):
+        assert f"target: {target}," in nightly
+    assert "run: make ${{ matrix.target }}" in nightly
+    for workflow in (ROOT / ".github" / "workflows").glob("*.yml"):
+        for target in re.findall(r"run: make ([a-z-]+)", workflow.read_text(encoding="utf-8")):
+            assert re.search(rf"^{target}:", read("Makefile"), re.MULTILINE), f"{workflow.name}: {target}"
