@@ -14,8 +14,8 @@ pub enum Error {
         /// The offending number.
         got: f64,
     },
-    /// A road height that is NaN or infinite.
-    #[error("ground: expected a finite height in metres, got {got}")]
+    /// A road height that is NaN, infinite, or farther away than any road.
+    #[error("ground: expected a finite height in metres, at most 100 000 above or below the vehicle, got {got}")]
     Ground {
         /// The height that came.
         got: f64,
@@ -35,6 +35,21 @@ pub enum Error {
         expected: &'static str,
         /// What came.
         got: String,
+    },
+    /// Heights that stand for "no data" in elevation files.
+    #[error(
+        "heights: expected finite metres, and NaN where the road is not known, got {got:?} at [{row}, {column}] ({count} in all), which stands for \"no data\" or is no height; replace it by NaN, {mend}",
+        mend = no_data_mend(*got)
+    )]
+    NoData {
+        /// The first such number.
+        got: f64,
+        /// Where it is.
+        row: usize,
+        /// Where it is.
+        column: usize,
+        /// How many there are.
+        count: usize,
     },
     /// Points or lines that do not determine what was asked for.
     #[error("{what}: expected {expected}, got {got}")]
@@ -139,6 +154,14 @@ pub enum Error {
     Tracing {
         /// Pixels around the image.
         margin: f64,
+        /// Pixels from the curve.
+        tolerance: f64,
+    },
+    /// A curve whose image winds without end.
+    #[error(
+        "polyline: expected a curve whose image is points follow to {tolerance} pixels, got one that winds on and on; check the lens and the heights of the road, or give a larger tolerance"
+    )]
+    Winding {
         /// Pixels from the curve.
         tolerance: f64,
     },
@@ -510,6 +533,14 @@ pub type Result<T, E = Error> = std::result::Result<T, E>;
 /// A number of cells, in powers of ten where it has too many digits to be read.
 fn count(cells: f64) -> String {
     if cells < 1e15 { format!("{cells}") } else { format!("{cells:.1e}") }
+}
+
+/// What replaces numbers that stand for "no data".
+fn no_data_mend(got: f64) -> String {
+    if got.abs() > 1e5 {
+        return "np.where(abs(heights) <= 1e5, heights, np.nan)".to_owned();
+    }
+    format!("np.where(heights == {got:?}, np.nan, heights)")
 }
 
 /// A length without the noise of its last bits: 0.9, not 0.8999999999999999.

@@ -944,7 +944,8 @@ class Camera:
             seen. `cv2.polylines(image, [np.round(p).astype(np.int32) for p in pieces], False, colour)` draws them.
 
         Raises:
-            ArgumentError, ArgumentTypeError: the shape or another argument is wrong.
+            ArgumentError, ArgumentTypeError: the shape or another argument is wrong, or the image of the line winds on
+                and on, so that no reasonable number of points follows it.
         """
     def horizon(
         self, *, ground: float | Plane = 0.0, tolerance: float = 0.25
@@ -1137,7 +1138,8 @@ class Plane:
             point: (x, y, z) in metres, any point of the plane.
 
         Raises:
-            ArgumentError: the normal is zero, or horizontal: an upright plane has no height at (x, y).
+            ArgumentError: the normal is zero, or horizontal: an upright plane has no height at (x, y); or the plane is more
+                than 100 km above or below the vehicle.
             CalibrationError: a number is not finite.
         """
     @classmethod
@@ -1150,6 +1152,7 @@ class Plane:
             c: metres up for each metre to the left.
 
         Raises:
+            ArgumentError: `a` is beyond 100 km, or a slope beyond 2e9.
             CalibrationError: a number is not finite.
         """
     @classmethod
@@ -1162,7 +1165,7 @@ class Plane:
             height: height at the vehicle's origin, metres.
 
         Raises:
-            ArgumentError: an angle is a quarter turn or more.
+            ArgumentError: an angle is a quarter turn or more, or the height beyond 100 km.
             CalibrationError: a number is not finite.
         """
     @property
@@ -1209,7 +1212,9 @@ class HeightMap:
             spacing: metres from one node to the next, one number or (along x, along y); negative where they count down.
 
         Raises:
-            ArgumentError: fewer nodes than 2 x 2, an infinite height, none that is known, or a spacing of zero.
+            ArgumentError: fewer nodes than 2 x 2, no height that is known, or a spacing of zero; or a height that stands for
+                "no data" in elevation files: beyond 100 km, or -32768, -9999 and the like, far from all others. Replace
+                it by NaN: `np.where(heights > -1e4, heights, np.nan)`.
             CalibrationError: the origin or the spacing is not finite.
             ArgumentTypeError: the heights are not real numbers.
         """

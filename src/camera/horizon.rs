@@ -16,7 +16,8 @@ impl Camera {
     /// nothing where the camera does not see it.
     ///
     /// # Errors
-    /// [`Error::Tracing`] for a tolerance below 0.001 pixel.
+    /// [`Error::Tracing`] for a tolerance below 0.001 pixel, [`Error::Winding`] for a horizon that no reasonable number
+    /// of points follows.
     pub fn horizon(&self, plane: &Plane, tolerance: f64) -> Result<Vec<Vec<[f64; 2]>>> {
         check_tracing(0.0, tolerance)?;
         let mut tracer = Tracer::new(self.image_size(), 0.0, tolerance);
@@ -33,9 +34,9 @@ impl Camera {
         use std::f64::consts::{FRAC_PI_2, TAU};
         if self.lens().is_none() {
             // the half of the circle that lies ahead is a straight line
-            tracer.straight(&|t| image(FRAC_PI_2 + t * 2.0 * FRAC_PI_2));
+            tracer.straight(&|t| image(FRAC_PI_2 + t * 2.0 * FRAC_PI_2))?;
         } else {
-            tracer.curve(PARTS, &|t| image(if t == 1.0 { 0.0 } else { t * TAU }));
+            tracer.curve(PARTS, &|t| image(if t == 1.0 { 0.0 } else { t * TAU }))?;
         }
         Ok(tracer.finish())
     }

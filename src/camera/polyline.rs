@@ -20,12 +20,13 @@ impl Camera {
     /// lens's domain is cut off where that begins; nothing wraps. A vertex that is not finite is a gap.
     ///
     /// # Errors
-    /// [`Error::Tracing`](crate::Error::Tracing) for a tolerance below 0.001 pixel or a margin that is negative or not finite.
+    /// [`Error::Tracing`](crate::Error::Tracing) for a tolerance below 0.001 pixel or a margin that is negative or not
+    /// finite, [`Error::Winding`](crate::Error::Winding) for an image that no reasonable number of points follows.
     pub fn project_polyline(&self, points: &[Vector3<f64>], margin: f64, tolerance: f64) -> Result<Vec<Vec<[f64; 2]>>> {
         check_tracing(margin, tolerance)?;
         let mut tracer = Tracer::new(self.image_size(), margin, tolerance);
         for ends in points.windows(2) {
-            self.segment(&mut tracer, &ends[0], &ends[1]);
+            self.segment(&mut tracer, &ends[0], &ends[1])?;
         }
         Ok(tracer.finish())
     }
@@ -65,7 +66,7 @@ impl Camera {
                 let point = lift([0, 1].map(|axis| between(start[axis], end[axis], t)));
                 let pixel = self.project(&point).pixel;
                 (!pixel[0].is_nan() && !map.hides(&eye, &point)).then_some(pixel)
-            });
+            })?;
             if over.last < 1.0 {
                 tracer.cut();
             }
@@ -73,15 +74,15 @@ impl Camera {
         Ok(tracer.finish())
     }
 
-    fn segment(&self, tracer: &mut Tracer, start: &Vector3<f64>, end: &Vector3<f64>) {
+    fn segment(&self, tracer: &mut Tracer, start: &Vector3<f64>, end: &Vector3<f64>) -> Result<()> {
         let along = end - start;
         let length = along.norm();
         if !(length.is_finite() && start.iter().all(|value| value.is_finite())) {
             tracer.cut();
-            return;
+            return Ok(());
         }
         if length == 0.0 {
-            return;
+            return Ok(());
         }
         // Gone along by the angle seen from the camera, the line's image moves evenly, however near it passes and
         // however far it goes.
@@ -102,9 +103,9 @@ impl Camera {
             (!pixel[0].is_nan()).then_some(pixel)
         };
         if self.lens().is_none() {
-            tracer.straight(&image);
+            tracer.straight(&image)
         } else {
-            tracer.curve(((last - first) / PART).ceil().max(1.0) as usize, &image);
+            tracer.curve(((last - first) / PART).ceil().max(1.0) as usize, &image)
         }
     }
 }

@@ -1,5 +1,7 @@
 //! Images of curves, as polylines that stay within a tolerance of them.
 
+use crate::error::{Error, Result};
+
 /// A pixel.
 pub(super) type Pixel = [f64; 2];
 
@@ -9,6 +11,11 @@ const DEEPEST: u32 = 44;
 /// Pixels up to which a straight line is drawn as it is, if the image is not larger; farther ends would cost the digits
 /// of what is cut from it.
 const FAR: f64 = 1e7;
+
+/// Halvings that all curves of a tracer have together, and that each part adds which a curve is begun with. A cut takes
+/// [`DEEPEST`] of them.
+const HALVINGS: usize = 1 << 16;
+const HALVINGS_A_PART: usize = 1 << 8;
 
 /// Pixels that two points of a piece are apart, if there is one more between them.
 const SHORTEST: f64 = 1e-3;
@@ -23,6 +30,8 @@ pub(super) struct Tracer {
     pieces: Vec<Vec<Pixel>>,
     /// Whether the next line may go on with the last piece.
     open: bool,
+    /// Halvings that are left.
+    left: usize,
 }
 
 impl Tracer {
@@ -30,7 +39,7 @@ impl Tracer {
     pub(super) fn new((width, height): (u32, u32), margin: f64, tolerance: f64) -> Self {
         let high = [f64::from(width - 1) + margin, f64::from(height - 1) + margin];
         let far = FAR.max(2.0 * (high[0].max(high[1]) + tolerance));
-        Self { low: [-margin; 2], high, tolerance, far, pieces: Vec::new(), open: false }
+        Self { low: [-margin; 2], high, tolerance, far, pieces: Vec::new(), open: false, left: HALVINGS }
     }
 
     /// What was gathered: polylines of two points or more.
@@ -40,27 +49,38 @@ impl Tracer {
 
     /// Gathers a curve from t = 0 to t = 1 whose image bends by no more than it can in so many equal parts. `image` is
     /// continuous but for where there is none.
-    pub(super) fn curve(&mut self, parts: usize, image: &impl Fn(f64) -> Option<Pixel>) {
+    ///
+    /// # Errors
+    /// [`Error::Winding`] for a curve that is not followed in any reasonable number of steps.
+    pub(super) fn curve(&mut self, parts: usize, image: &impl Fn(f64) -> Option<Pixel>) -> Result<()> {
+        self.left = self.left.saturating_add(HALVINGS_A_PART * parts);
         let mut start = (0.0, image(0.0));
         for part in 1..=parts {
             let t = if part == parts { 1.0 } else { part as f64 / parts as f64 };
             let end = (t, image(t));
-            self.part(start, end, DEEPEST, image);
+            if !self.part(start, end, DEEPEST, image) {
+                return Err(Error::Winding { tolerance: self.tolerance });
+            }
             start = end;
         }
+        Ok(())
     }
 
     /// Gathers a curve whose image is straight: of its inner points, which only guard against numbers too large to be
     /// clipped, none is kept.
-    pub(super) fn straight(&mut self, image: &impl Fn(f64) -> Option<Pixel>) {
+    ///
+    /// # Errors
+    /// Those of [`Tracer::curve`].
+    pub(super) fn straight(&mut self, image: &impl Fn(f64) -> Option<Pixel>) -> Result<()> {
         let (pieces, points) = (self.pieces.len(), self.pieces.last().map_or(0, Vec::len));
-        self.curve(1, image);
+        self.curve(1, image)?;
         for (index, piece) in self.pieces.iter_mut().enumerate().skip(pieces.saturating_sub(1)) {
             let first = if index + 1 == pieces { points } else { 1 };
             if piece.len() > first + 1 {
                 piece.drain(first..piece.len() - 1);
             }
         }
+        Ok(())
     }
 
     /// Ends the piece: what follows begins a new one.
@@ -68,33 +88,35 @@ impl Tracer {
         self.open = false;
     }
 
+    /// Gathers a part of a curve; false where that takes more halvings than are left.
     fn part(
         &mut self,
         start: (f64, Option<Pixel>),
         end: (f64, Option<Pixel>),
         depth: u32,
         image: &impl Fn(f64) -> Option<Pixel>,
-    ) {
+    ) -> bool {
         let at = |part: f64| start.0 + (end.0 - start.0) * part;
         let between = [0.25, 0.5, 0.75].map(|part| image(at(part)));
         if let (Some(a), Some(b), [Some(p), Some(q), Some(r)]) = (start.1, end.1, between) {
             if self.misses([a, p, q, r, b]) {
                 self.open = false;
-                return;
+                return true;
             }
             let straight = [p, q, r].iter().all(|point| from_line(point, &a, &b) <= self.tolerance);
             let near = [a, b].as_flattened().iter().all(|coordinate| coordinate.abs() <= self.far);
             if (straight && near) || depth == 0 {
                 self.line(a, b);
-                return;
+                return true;
             }
         } else if depth == 0 || (start.1.is_none() && end.1.is_none() && between.iter().all(Option::is_none)) {
             self.open = false;
-            return;
+            return true;
         }
+        let Some(left) = self.left.checked_sub(1) else { return false };
+        self.left = left;
         let middle = (at(0.5), between[1]);
-        self.part(start, middle, depth - 1, image);
-        self.part(middle, end, depth - 1, image);
+        self.part(start, middle, depth - 1, image) && self.part(middle, end, depth - 1, image)
     }
 
     /// Whether points all lie beyond one side of the rectangle, so that what is between them does too.
@@ -164,7 +186,7 @@ mod tests {
 
     fn traced(margin: f64, curve: impl Fn(f64) -> Option<Pixel>, parts: usize) -> Vec<Vec<Pixel>> {
         let mut tracer = Tracer::new((101, 51), margin, 0.1);
-        tracer.curve(parts, &curve);
+        tracer.curve(parts, &curve).unwrap();
         tracer.finish()
     }
 
@@ -184,10 +206,19 @@ mod tests {
         let off = |t: f64| Some([1e3 + 1e9 * t, 20.0 + 1e8 * t]);
         for (size, margin, tolerance) in [((1 << 30, 1), 0.0, 0.1), ((101, 51), 1e9, 0.1), ((101, 51), 0.0, 1e9)] {
             let mut tracer = Tracer::new(size, margin, tolerance);
-            tracer.curve(4, &off);
-            tracer.curve(1, &|t| Some([1e8 * (1.0 + t), 30.0 + 1e3 * (3.0 * t).sin()]));
+            tracer.curve(4, &off).unwrap();
+            tracer.curve(1, &|t| Some([1e8 * (1.0 + t), 30.0 + 1e3 * (3.0 * t).sin()])).unwrap();
             assert!(tracer.finish().iter().map(Vec::len).sum::<usize>() < 1000);
         }
+    }
+
+    #[test]
+    fn a_curve_that_never_gets_straight_is_given_up() {
+        let mut tracer = Tracer::new((101, 51), 0.0, 0.1);
+        // in the image everywhere and nowhere smooth: digits of t, shuffled
+        let noise = |t: f64| (t.to_bits().wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 40) as f64 / f64::from(1 << 24);
+        let result = tracer.curve(8, &|t| Some([100.0 * noise(t), 50.0 * noise(t + 0.5)]));
+        assert!(matches!(result, Err(Error::Winding { .. })), "{result:?}");
     }
 
     #[test]

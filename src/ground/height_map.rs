@@ -38,7 +38,8 @@ impl HeightMap {
     ///
     /// # Errors
     /// [`Error::HeightMap`] where there are fewer than two nodes along an axis, another number of heights than nodes, no
-    /// known height, one that is infinite, or a spacing of zero; [`Error::NotFinite`].
+    /// known height, or a spacing of zero; [`Error::NoData`] for a number that stands for "no data" in elevation files;
+    /// [`Error::NotFinite`].
     pub fn new(heights: Vec<f64>, columns: usize, origin: (f64, f64), spacing: (f64, f64)) -> Result<Self> {
         let rows = heights.len().checked_div(columns).unwrap_or(0);
         if rows < 2 || columns < 2 || rows * columns != heights.len() {
@@ -59,14 +60,9 @@ impl HeightMap {
             let got = format!("origin {origin:?} and spacing {spacing:?}");
             return Err(Error::HeightMap { expected: "a spacing in metres that is not 0 and tells nodes apart", got });
         }
-        let mut range = (f64::INFINITY, f64::NEG_INFINITY);
-        for &height in heights.iter().filter(|height| !height.is_nan()) {
-            if height.is_infinite() {
-                let expected = "heights that are finite, or NaN where the road is not known";
-                return Err(Error::HeightMap { expected, got: height.to_string() });
-            }
-            range = (range.0.min(height), range.1.max(height));
-        }
+        super::nodata::refuse(&heights, columns)?;
+        let known = heights.iter().filter(|height| !height.is_nan());
+        let range = known.fold((f64::INFINITY, f64::NEG_INFINITY), |range, &z| (range.0.min(z), range.1.max(z)));
         if range.0 > range.1 {
             return Err(Error::HeightMap { expected: "at least one known height", got: "NaN alone".to_owned() });
         }

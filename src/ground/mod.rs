@@ -1,6 +1,7 @@
 //! The road: a height, a plane or a height map.
 
 mod height_map;
+mod nodata;
 mod peaks;
 mod plane;
 mod ray;
@@ -31,7 +32,11 @@ impl Ground {
     /// # Errors
     /// [`Error::Ground`].
     pub fn height(height: f64) -> Result<Self> {
-        if height.is_finite() { Ok(Self::Plane(Plane::level(height))) } else { Err(Error::Ground { got: height }) }
+        if height.abs() <= nodata::HIGHEST {
+            Ok(Self::Plane(Plane::level(height)))
+        } else {
+            Err(Error::Ground { got: height })
+        }
     }
 
     /// z of the road at (x, y); NaN where it is unknown.

@@ -2,6 +2,7 @@
 
 use nalgebra::Vector3;
 
+use super::nodata::HIGHEST;
 use crate::error::{Error, Result, finite};
 
 /// Smallest z of a plane's unit normal: beyond it the plane stands upright to 6e-8 degrees and has no height.
@@ -43,10 +44,18 @@ impl Plane {
     /// The plane `z = a + b x + c y`.
     ///
     /// # Errors
-    /// [`Error::NotFinite`].
+    /// [`Error::NotFinite`], and [`Error::Plane`] where it is upright, or farther than 100 km above or below the vehicle.
     pub fn from_coefficients(a: f64, b: f64, c: f64) -> Result<Self> {
         for value in [a, b, c] {
             finite("Plane", value)?;
+        }
+        if a.abs() > HIGHEST {
+            let expected = "a height at the vehicle of at most 100 000 m, in (a, b, c) of z = a + b x + c y,";
+            return Err(Error::Plane { expected, got: [a, b, c] });
+        }
+        if b.hypot(c) > 2.0 * UPRIGHT.recip() {
+            let expected = "slopes of at most 2e9, in (a, b, c) of z = a + b x + c y,";
+            return Err(Error::Plane { expected, got: [a, b, c] });
         }
         Ok(Self { a, b, c })
     }

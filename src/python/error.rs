@@ -51,9 +51,11 @@ impl From<Error> for PyErr {
             Error::Ground { .. }
             | Error::Plane { .. }
             | Error::HeightMap { .. }
+            | Error::NoData { .. }
             | Error::Points { .. }
             | Error::Binning { .. }
             | Error::Tracing { .. }
+            | Error::Winding { .. }
             | Error::Horizon { .. }
             | Error::ImageSize { .. }
             | Error::Crop { .. }

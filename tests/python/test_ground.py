@@ -337,6 +337,50 @@ def test_heights_that_are_not_finite_are_refused(seed_camera, ground):
         ipm_rs.Lut(seed_camera, GRID, ground=ground)
 
 
+@pytest.mark.parametrize(
+    ("value", "mend"),
+    [
+        (np.finfo(np.float32).min, "<= 1e5"),
+        (1e20, "<= 1e5"),
+        (-123456.0, "<= 1e5"),
+        (-32768, "== -32768.0"),
+        (32767, "== 32767.0"),
+        (-9999, "== -9999.0"),
+        (9999, "== 9999.0"),
+        (-99999, "== -99999.0"),
+        (-999, "== -999.0"),
+    ],
+)
+def test_numbers_that_stand_for_no_data_are_no_heights(seed_camera, value, mend):
+    heights = np.random.default_rng(6).normal(0, 0.2, (30, 20))
+    heights[7, 3] = heights[12, 9] = value
+    options = {"origin": (4, -9), "spacing": 1.0}
+    with refuses(errors.ArgumentError, "no data", "[7, 3]", "2 in all", "NaN", "np.where(", mend):
+        ipm_rs.HeightMap(heights, **options)
+    with refuses(errors.ArgumentError, "no data"):
+        ipm_rs.HeightMap(np.full((5, 5), float(value)), **options)
+    # the mend mends
+    mended = ipm_rs.HeightMap(np.where(heights > -1e4, heights, np.nan) if value < -1e4 else heights * 0, **options)
+    assert mended.shape == (30, 20)
+
+
+def test_mountains_are_heights():
+    for level in (-420.0, 999.0, 5230.0, 8848.0, 9999.0):
+        heights = level + np.random.default_rng(6).normal(0, 5, (9, 9))
+        heights[4, 4] = level
+        assert ipm_rs.HeightMap(heights, origin=(0, 0), spacing=1.0).heights[4, 4] == level
+
+
+@pytest.mark.parametrize("height", [1e6, -1e20, 1e300])
+def test_roads_that_are_not_on_earth_are_refused(seed_camera, seed_grid, height):
+    with refuses(errors.ArgumentError, "100 000"):
+        ipm_rs.Lut(seed_camera, seed_grid, ground=height)
+    with refuses(errors.ArgumentError, "100 000"):
+        ipm_rs.Plane.from_angles(height=height)
+    with refuses(errors.ArgumentError, "slopes"):
+        ipm_rs.Plane.from_coefficients(0, 1e10, height)
+
+
 @pytest.mark.parametrize("count", [0, 1, 2048, 2049, 5000])
 def test_points_do_not_depend_on_threads(seed_camera, hills, count):
     pixels = np.random.default_rng(4).uniform((0, 400), (2047, 1023), (count, 2))
