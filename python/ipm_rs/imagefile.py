@@ -20,20 +20,18 @@ The stored pixels are taken as they are: EXIF orientation is not applied, since 
 
 from __future__ import annotations
 
-import os
-import secrets
-import struct
 import warnings
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING, Any, BinaryIO
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ipm_rs.errors import ArgumentError, FileError, ImageError, MissingExtraError, MissingFileError
+from ipm_rs.errors import ArgumentError, FileError, ImageError, MissingExtraError
+from ipm_rs.files import atomically, check_source, reading
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -169,57 +167,22 @@ def write(path: Path, pixels: NDArray[Any], look: Look) -> None:
 
 
 @contextmanager
-def atomically(path: Path) -> Iterator[BinaryIO]:
-    """Open a temporary file that takes its final name when the block ends well, and is removed when it does not.
-
-    Raises
-    ------
-    FileError
-        The file cannot be written, or Pillow failed to encode the image in the block.
-    """
-    final = Path(os.path.realpath(path))  # behind a symbolic link, its target is replaced and not the link
-    temporary = final.with_name(f".ipm-rs-{secrets.token_hex(8)}.tmp")
-    try:
-        with temporary.open("xb") as file:  # a plain open, so that the umask decides the permissions
-            yield file
-        temporary.replace(final)
-    except (OSError, ValueError, OverflowError, struct.error) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise FileError(
-            f"{path}: expected to write it, got: {reason}; check the directory, its permissions and the free space"
-        ) from error
-    finally:
-        temporary.unlink(missing_ok=True)
-
-
-@contextmanager
 def _opened(path: Path) -> Iterator[ImageFile]:
     """Open an image file with Pillow; whatever goes wrong in the block becomes one of our errors."""
     Image = require_pillow()
-    if not path.exists():
-        raise MissingFileError(f"{path}: expected an image file, found none; check the path")
-    if not path.is_file():
-        kind = "a directory" if path.is_dir() else "no regular file"
-        raise FileError(f"{path}: expected an image file, got {kind}; name the images one by one")
-    try:
-        # Pillow warns of large images. Here the size must equal the calibration's before anything is decoded.
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", Image.DecompressionBombWarning)
+    check_source(path, "an image file", "name the images one by one")
+    with reading(path, "a readable image"), warnings.catch_warnings():
+        # Pillow warns of large images and of broken metadata. Here the size must equal the calibration's before
+        # anything is decoded, and of the metadata only the orientation is looked at.
+        warnings.simplefilter("ignore")
+        try:
             with Image.open(path) as image:
                 yield image
-    except (ImageError, MemoryError):
-        raise
-    except Image.DecompressionBombError as error:
-        raise FileError(f"{path}: expected a camera image, got a file that claims to be huge: {error}") from error
-    except Image.UnidentifiedImageError as error:
-        raise FileError(
-            f"{path}: expected an image, got a file that Pillow does not recognise; convert it to PNG"
-        ) from error
-    except Exception as error:  # damaged files make Pillow raise OSError, SyntaxError, ValueError, struct.error, ...
-        reason = getattr(error, "strerror", None) or error
-        raise FileError(
-            f"{path}: expected a readable image, got: {reason}; it may be cut short or damaged, fetch it again"
-        ) from error
+        except Image.DecompressionBombError as error:
+            raise FileError(f"{path}: expected a camera image, got a file that claims to be huge: {error}") from error
+        except Image.UnidentifiedImageError as error:
+            kind = "an empty file" if path.stat().st_size == 0 else "a file that Pillow does not recognise"
+            raise FileError(f"{path}: expected an image, got {kind}; fetch it again, or convert it to PNG") from error
 
 
 def _header(path: Path, image: ImageFile) -> Header:

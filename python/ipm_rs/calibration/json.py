@@ -21,7 +21,6 @@ from __future__ import annotations
 
 import json
 import os
-from pathlib import Path
 from typing import Any
 
 from ipm_rs import _core
@@ -29,7 +28,7 @@ from ipm_rs._core import Camera
 from ipm_rs.calibration._checks import Section, blame, image_size, number, numbers
 from ipm_rs.calibration._files import Document, Source, keys_missing, parse_json, read_json
 from ipm_rs.errors import ArgumentTypeError, CalibrationError
-from ipm_rs.imagefile import atomically
+from ipm_rs.files import as_path, atomically
 
 __all__ = ["TITLE", "missing", "read", "save", "to_json"]
 
@@ -125,14 +124,12 @@ def save(camera: Camera, path: str | os.PathLike[str]) -> None:
     Raises
     ------
     FileError
-        The file cannot be written.
+        The file cannot be written, or the path is that of a directory, a device or a pipe.
     ArgumentTypeError
         `path` is no path.
     """
     text = to_json(camera)
-    if not isinstance(path, (str, os.PathLike)) or not isinstance(os.fspath(path), str):
-        raise ArgumentTypeError(f"path: expected a path, got {type(path).__name__}; pass the file's name")
-    with atomically(Path(path)) as file:
+    with atomically(as_path(path)) as file:
         file.write(text.encode())
 
 
