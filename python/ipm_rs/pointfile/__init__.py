@@ -8,10 +8,10 @@
 ending    read                                                         written
 ========  ===========================================================  ==============================================
 .bin      float32 rows; ``.pcd.bin`` (nuScenes) x y z intensity ring,  x y z and the values, float32
-          others (KITTI) x y z intensity; ``columns=`` for more
+          others (KITTI) x y z intensity; ``columns=`` for others
 .npy      (N, 3) or wider, or a structured array with x, y, z          the same rows, or a structured array
 .ply      ascii and binary, the scalars of its vertices                binary, little-endian
-.pcd      ascii, binary and binary_compressed, by pypcd4 (extra        binary
+.pcd      ascii, binary and binary_compressed, with pypcd4 (extra      binary
           ``cloud``)
 ========  ===========================================================  ==============================================
 
@@ -22,8 +22,7 @@ units are those of the file: a nuScenes sweep is x right, y forward, a KITTI one
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
@@ -32,7 +31,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ipm_rs.errors import ArgumentError, ArgumentTypeError, FileError, IpmError, MissingFileError
+from ipm_rs.errors import ArgumentError, ArgumentTypeError, FileError
+from ipm_rs.files import as_path, atomically, check_source, check_target, reading
 
 __all__ = ["FORMATS", "Cloud", "check_name", "read", "write"]
 
@@ -66,7 +66,10 @@ def read(path: str | PathLike[str], *, columns: Sequence[str] | None = None) -> 
     path : path
         The file.
     columns : sequence of str, optional
-        Names of the columns of a ``.bin`` or ``.npy`` file, among them "x", "y" and "z".
+        Names of the columns of a ``.bin`` or ``.npy`` file, among them "x", "y" and "z". A ``.bin`` file does not say
+        how many it has: without names it is read as KITTI's x y z intensity (``.pcd.bin`` as nuScenes') where its size
+        fits rows of four and none of 3, 5, 6 or 8, or where the rows are plainly KITTI's: the fourth number from 0 to
+        1 everywhere, the others metres.
 
     Returns
     -------
@@ -75,7 +78,7 @@ def read(path: str | PathLike[str], *, columns: Sequence[str] | None = None) -> 
     Raises
     ------
     MissingFileError, FileError
-        There is no such file, or it is damaged or of another format.
+        There is no such file, or it is damaged or of another format, or a ``.bin`` file needs `columns`.
     ArgumentError
         The ending or the columns make no sense.
     MissingExtraError
@@ -83,17 +86,14 @@ def read(path: str | PathLike[str], *, columns: Sequence[str] | None = None) -> 
     """
     from ipm_rs.pointfile import pcd, ply, rows
 
-    path = Path(path)
+    path = as_path(path)
     ending = check_name(path)
     if columns is not None:
-        if ending in (".ply", ".pcd"):
-            raise ArgumentError(f"columns: expected none for {ending}, which names its own, got {list(columns)}")
         columns = _columns(columns)
-    if not path.exists():
-        raise MissingFileError(f"{path}: expected a point cloud, found no file; check the path")
-    if not path.is_file():
-        raise FileError(f"{path}: expected a point cloud, got {'a directory' if path.is_dir() else 'no regular file'}")
-    with _explained(path):
+        if ending in (".ply", ".pcd"):
+            raise ArgumentError(f"columns: expected none for {ending}, which names its own, got {columns}")
+    check_source(path, "a point cloud")
+    with reading(path, "a point cloud"):
         if ending == ".bin":
             table = rows.read_bin(path, columns)
         elif ending == ".npy":
@@ -124,16 +124,16 @@ def write(
     Raises
     ------
     FileError
-        The file exists or cannot be written.
+        The file exists or cannot be written, or the path is that of a directory, a device or a pipe.
     ArgumentError, ArgumentTypeError
         Shapes, dtypes or names that do not fit.
     """
-    from ipm_rs.imagefile import atomically
     from ipm_rs.pointfile import pcd, ply, rows
 
-    path = Path(path)
+    path = as_path(path)
     ending = check_name(path)
     table = _table(points, values or {})
+    check_target(path)
     if os.path.lexists(path) and not force:
         raise FileError(f"{path}: expected a new file, got one that exists; give another name, or force=True")
     writers: dict[str, Callable[[Any, dict[str, NDArray[Any]]], None]] = {
@@ -156,7 +156,13 @@ def check_name(path: Path) -> str:
 
 
 def _columns(columns: Sequence[str]) -> list[str]:
-    names = [columns] if isinstance(columns, str) else list(columns)
+    if isinstance(columns, (str, bytes)) or not isinstance(columns, Iterable):
+        raise ArgumentTypeError(
+            f'columns: expected a list of names, such as ["x", "y", "z", "intensity"], got {columns!r:.80}'
+        )
+    names = list(columns)
+    if not all(isinstance(name, str) for name in names):
+        raise ArgumentTypeError(f"columns: expected names, got {names!r:.200}")
     if len(set(names)) != len(names) or not {"x", "y", "z"} <= set(names):
         raise ArgumentError(f'columns: expected different names, among them "x", "y" and "z", got {names}')
     return names
@@ -183,7 +189,7 @@ def _cloud(path: Path, table: dict[str, NDArray[Any]]) -> Cloud:
 
 def _table(points: ArrayLike, values: Mapping[str, ArrayLike]) -> dict[str, NDArray[Any]]:
     """Columns by name, of the dtypes that files hold."""
-    xyz = np.asarray(points)
+    xyz = _array("points", points)
     if xyz.dtype.kind not in "fiub":
         raise ArgumentTypeError(f"points: expected real numbers, got dtype {xyz.dtype}")
     if xyz.ndim != 2 or xyz.shape[1] != 3:
@@ -193,7 +199,7 @@ def _table(points: ArrayLike, values: Mapping[str, ArrayLike]) -> dict[str, NDAr
         xyz = xyz.astype(np.float64)
     table: dict[str, NDArray[Any]] = dict(zip("xyz", xyz.T, strict=True))
     for name, items in values.items():
-        column = np.asarray(items)
+        column = _array(f"values[{name!r}]", items)
         if not isinstance(name, str) or not name.isascii() or not name.replace("_", "a").isalnum() or name in table:
             raise ArgumentError(f"values: expected names of letters, digits and _, other than x, y, z, got {name!r}")
         if column.shape != (len(xyz),):
@@ -212,17 +218,14 @@ def _table(points: ArrayLike, values: Mapping[str, ArrayLike]) -> dict[str, NDAr
     return table
 
 
-@contextmanager
-def _explained(path: Path) -> Iterator[None]:
-    """Make errors of ours of what goes wrong in a damaged file."""
+def _array(what: str, numbers: ArrayLike) -> NDArray[Any]:
+    if isinstance(numbers, np.ma.MaskedArray):
+        raise ArgumentTypeError(
+            f"{what}: expected a plain array, got a masked one; use .filled(np.nan) or .compressed()"
+        )
     try:
-        yield
-    except (IpmError, MemoryError):
-        raise
-    except OSError as error:
-        raise FileError(f"{path}: expected a readable file, got: {error.strerror or error}; check it") from error
-    except Exception as error:  # NumPy, pypcd4 and the text of a header fail in many ways
-        reason = " ".join(str(error).split())[:200]
-        raise FileError(
-            f"{path}: expected a point cloud, got: {reason}; it may be cut short or damaged, fetch it again"
+        return np.asarray(numbers)
+    except (ValueError, TypeError) as error:
+        raise ArgumentTypeError(
+            f"{what}: expected an array of numbers, got {type(numbers).__name__}: {error}"
         ) from error

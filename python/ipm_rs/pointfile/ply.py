@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ipm_rs.errors import FileError
+from ipm_rs.pointfile import text
 
 TYPES = {
     **{"char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4"},
@@ -35,32 +36,43 @@ class _Element:
     properties: list[tuple[str, str]] = field(default_factory=list)
     has_list: bool = False
 
+    def dtype(self, order: str) -> np.dtype[Any]:
+        return np.dtype([(name, order + kind) for name, kind in self.properties])
+
 
 def read(path: Path) -> dict[str, NDArray[Any]]:
     """Read the scalars of the vertices."""
     with path.open("rb") as file:
         order, elements = _header(path, file)
-        size = path.stat().st_size - file.tell()
         for element in elements:
-            if element.has_list:
-                raise FileError(f"{path}: expected vertices before {element.name}, whose length nobody knows")
-            dtype = np.dtype([(name, order + kind) for name, kind in element.properties])
-            # a number and a space are the least that a value takes as text
-            least = element.count * (dtype.itemsize if order else 2 * len(element.properties))
-            if least > size + 1:
+            if element.has_list and element.count > 0:
                 raise FileError(
-                    f"{path}: expected {element.count} of {element.name} as its header says, got {size} bytes; it is "
-                    "cut short or damaged"
+                    f"{path}: expected numbers before and in the vertices, got a list in {element.name}, whose length "
+                    "nobody knows; write the points alone"
                 )
             if element.name == "vertex":
-                return _values(path, file, element, dtype, order)
-            if order:
-                file.seek(element.count * dtype.itemsize, 1)
-            else:
-                for _ in range(element.count):
-                    file.readline()
-            size = path.stat().st_size - file.tell()
+                return _values(path, file, element, order)
+            _skip(path, file, element, order)
     raise FileError(f"{path}: expected vertices, got {', '.join(element.name for element in elements) or 'nothing'}")
+
+
+def _skip(path: Path, file: BinaryIO, element: _Element, order: str) -> None:
+    if order:
+        _check_room(path, file, element, element.count * element.dtype(order).itemsize)
+        file.seek(element.count * element.dtype(order).itemsize, 1)
+        return
+    _check_room(path, file, element, element.count)  # a line has a byte at least
+    for _ in range(element.count):
+        file.readline()
+
+
+def _check_room(path: Path, file: BinaryIO, element: _Element, least: int) -> None:
+    room = path.stat().st_size - file.tell()
+    if least > room:
+        raise FileError(
+            f"{path}: expected {element.count} of {element.name} as its header says, got {room} bytes; it is cut short "
+            "or damaged"
+        )
 
 
 def _header(path: Path, file: BinaryIO) -> tuple[str, list[_Element]]:
@@ -90,19 +102,19 @@ def _header(path: Path, file: BinaryIO) -> tuple[str, list[_Element]]:
     return order, elements
 
 
-def _values(path: Path, file: BinaryIO, element: _Element, dtype: np.dtype[Any], order: str) -> dict[str, NDArray[Any]]:
-    if order:
-        data = file.read(element.count * dtype.itemsize)
-        records = np.frombuffer(data, dtype=dtype, count=element.count)
-        return {name: records[name].astype(kind) for name, kind in element.properties}
-    rows = [file.readline().split() for _ in range(element.count)]
-    if any(len(row) != len(element.properties) for row in rows):
-        raise FileError(f"{path}: expected {len(element.properties)} numbers for each vertex, got other lines")
-    columns = zip(*rows, strict=True) if rows else ([] for _ in element.properties)
-    return {
-        name: np.array([float(word) for word in column]).astype(kind)
-        for (name, kind), column in zip(element.properties, columns, strict=True)
-    }
+def _values(path: Path, file: BinaryIO, element: _Element, order: str) -> dict[str, NDArray[Any]]:
+    names = [name for name, _ in element.properties]
+    if not {"x", "y", "z"} <= set(names):
+        raise FileError(f"{path}: expected vertices with x, y and z, got {', '.join(names) or 'no property'}")
+    if len(set(names)) != len(names):
+        raise FileError(f"{path}: expected each property once, got {', '.join(names)}")
+    if not order:
+        columns = text.read_rows(path, file, element.count, element.properties, NAMES)
+        return dict(zip(names, columns, strict=True))
+    dtype = element.dtype(order)
+    _check_room(path, file, element, element.count * dtype.itemsize)
+    records = np.frombuffer(file.read(element.count * dtype.itemsize), dtype=dtype, count=element.count)
+    return {name: records[name].astype(kind) for name, kind in element.properties}
 
 
 def write(file: BinaryIO, table: dict[str, NDArray[Any]]) -> None:
