@@ -1,8 +1,9 @@
 """The command line ``ipm-rs``: warp images, make point clouds of depth, see a demo, ask what is installed.
 
 Exit status: 0 when all went well, 2 after a mistake of the user or a damaged file (one line on stderr says what was
-expected, what came and how to mend it), 130 after Ctrl-C. Nothing is written before every argument, every image header
-and every output name has been checked, and a file is written whole or not at all.
+expected, what came and how to mend it), 130 after Ctrl-C, 143 after SIGTERM. Nothing is written before every argument,
+every image header and every output name has been checked, and a file is written whole or not at all. Among several
+images a damaged one is told of, left out, and stops none of the others; the exit status is 2 all the same.
 
 One module for each command, with ``add(commands)`` for its arguments and ``run(args)`` for its work.
 """
@@ -15,9 +16,9 @@ import sys
 from collections.abc import Sequence
 
 import ipm_rs
-from ipm_rs.cli import cloud, demo, info, warp
+from ipm_rs.cli import cloud, demo, info, signals, warp
 from ipm_rs.cli.arguments import Parser
-from ipm_rs.cli.printing import discard, emit
+from ipm_rs.cli.printing import discard, emit, emit_error
 from ipm_rs.errors import IpmError
 
 
@@ -35,26 +36,30 @@ def main(argv: Sequence[str] | None = None) -> int:
         The exit status.
     """
     try:
-        args = _parser().parse_args(argv)
-        args.run(args)
+        with signals.raising():
+            args = _parser().parse_args(argv)
+            args.run(args)
         return 0
     except SystemExit as stop:  # --help and --version
         return int(stop.code or 0)
     except KeyboardInterrupt:
         emit("ipm-rs: interrupted", sys.stderr)
         return 130
+    except signals.Terminated as stop:
+        emit("ipm-rs: terminated", sys.stderr)
+        return 128 + stop.number
     except IpmError as error:
-        emit(f"ipm-rs: error: {error}", sys.stderr)
+        emit_error(error)
         return 2
     except BrokenPipeError:  # argparse of Python 3.10 prints without a guard; our own printing is in emit
         discard(sys.stdout)
         return 0
     except OSError as error:  # the file system's own refusals, such as a name that is too long
         reason = error.strerror or str(error)
-        emit(f"ipm-rs: error: {error.filename}: expected a usable path, got: {reason}; check it", sys.stderr)
+        emit_error(f"{error.filename}: expected a usable path, got: {reason}; check it")
         return 2
     except MemoryError:
-        emit("ipm-rs: error: expected enough memory, got too little; use a coarser --resolution", sys.stderr)
+        emit_error("expected enough memory, got too little; use a coarser --resolution")
         return 2
     finally:
         with contextlib.suppress(ValueError):  # a closed stream
@@ -64,7 +69,11 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _parser() -> argparse.ArgumentParser:
     parser = Parser(
         prog="ipm-rs",
-        description="Metric bird's-eye views from camera images and their calibration.",
+        description="""\
+Metric bird's-eye views from camera images and their calibration.
+
+Exit status: 0 when all went well; 2 after a mistake or where a file was damaged, also if the other images of a batch
+were made; 130 after Ctrl-C, 143 after SIGTERM. Files are written whole or not at all.""",
         examples="""\
   ipm-rs demo                                      # a synthetic road, nothing needed
   ipm-rs warp camera.json frame.png -o bev.png     # your own image

@@ -4,11 +4,16 @@ from __future__ import annotations
 
 import argparse
 import os
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NoReturn, TypeAlias
+from typing import Any, NoReturn, TypeAlias, TypeVar
 
 import ipm_rs
-from ipm_rs.errors import ArgumentError, FileError
+from ipm_rs.cli.printing import emit_error
+from ipm_rs.errors import ArgumentError, FileError, MissingFileError
+from ipm_rs.files import check_target
+
+Header = TypeVar("Header")
 
 
 class Parser(argparse.ArgumentParser):
@@ -121,14 +126,56 @@ def resolution(numbers: list[float]) -> float | tuple[float, float]:
     return numbers[0] if len(numbers) == 1 else (numbers[0], numbers[1])
 
 
+def read_headers(probe: Callable[[Path], Header], paths: list[Path]) -> tuple[list[Header | None], int]:
+    """Look at the headers of all files; of several, a damaged one is told of and becomes None, and how many they are.
+
+    Raises
+    ------
+    FileError
+        A file is missing, or all are damaged.
+    """
+    headers: list[Header | None] = []
+    for path in paths:
+        try:
+            headers.append(probe(path))
+        except MissingFileError:  # more likely a wrong name than a damaged file
+            raise
+        except FileError as error:
+            if len(paths) == 1:
+                raise
+            emit_error(error)
+            headers.append(None)
+    damaged = headers.count(None)
+    if damaged == len(headers):
+        raise FileError(f"expected images, got {damaged} files of which none can be read, see above")
+    return headers, damaged
+
+
+def output_names(
+    option: str, text: str, sources: list[Path], name_of: Callable[[Path], str], several: str
+) -> list[Path]:
+    """Names of the outputs: the one given, or one for each source in the directory given; `several` says of what."""
+    if not text:
+        raise ArgumentError(f"{option}: expected a file or a directory, got an empty name; give one")
+    path = Path(text)
+    names_directory = path.is_dir() or text.endswith(tuple(filter(None, (os.sep, os.altsep))))
+    if len(sources) == 1 and not names_directory:
+        return [path]
+    if not names_directory and (path.exists() or path.suffix[1:2].isalpha()):
+        raise ArgumentError(
+            f"{option}: expected a directory for {len(sources)} {several}, got {text}, the name of a file; give a "
+            f"directory{'' if path.exists() else f', as {text}{os.sep} if it shall have this name'}"
+        )
+    if path.exists() and not path.is_dir():
+        raise ArgumentError(f"{option}: expected a directory, got {text}, which is a file; give another name")
+    return [path / name_of(source) for source in sources]
+
+
 def check_output(path: Path, *, may_exist: bool, may_make: bool = False) -> None:
     """Refuse an output that exists or whose directory does not; with ``may_make`` its directory will be made."""
-    if os.path.lexists(path):
-        if path.exists() and not path.is_file():
-            kind = "a directory" if path.is_dir() else "no regular file"
-            raise FileError(f"{path}: expected a file to write, got {kind}; give another name")
-        if not may_exist:
-            raise FileError(f"{path}: expected a new file, got one that exists; give another name, or --force")
+    check_target(path)
+    if os.path.lexists(path) and not may_exist:
+        raise FileError(f"{path}: expected a new file, got one that exists; give another name, or --force")
     directory = Path(os.path.realpath(path)).parent
     while may_make and not directory.exists():
         directory = directory.parent

@@ -23,10 +23,12 @@ from ipm_rs.cli.arguments import (
     check_output,
     count,
     load_camera,
+    output_names,
+    read_headers,
     real,
     resolution,
 )
-from ipm_rs.cli.printing import Progress, emit, no_progress, progress_bar
+from ipm_rs.cli.printing import Progress, emit, error_line, no_progress, progress_bar
 from ipm_rs.errors import ArgumentError, CalibrationError, FileError, ImageError
 
 RAMP = np.array([(24, 28, 84), (0, 110, 150), (60, 170, 90), (240, 220, 60), (255, 255, 255)], dtype=np.float64)
@@ -56,7 +58,9 @@ or, without colours, its height.
 Depth may be CARLA's colour code (an RGB or RGBA image), a 16-bit image with --depth-scale, or metres in a float TIFF,
 .npy or .npz. The ending of a point cloud decides its format: """
         + " ".join(pointfile.FORMATS)
-        + ".",
+        + """.
+
+Of several depth images, a damaged one is told of and left out; the others are made, and the exit status is 2.""",
         examples="""\
   ipm-rs cloud camera.json depth.png --rgb frame.png -o cloud.ply --bev bev.png
   ipm-rs cloud camera.json depth_mm.png --depth-scale 0.001 --max-depth 40 -o cloud.pcd
@@ -111,27 +115,27 @@ def run(args: argparse.Namespace) -> None:
     if args.heights is not None and not args.heights[0] < args.heights[1]:
         raise ArgumentError(f"--heights: expected MIN < MAX, got {args.heights[0]:g} {args.heights[1]:g}")
     grid = ipm_rs.BevGrid(x=args.x, y=args.y, resolution=resolution(args.resolution))
-    depths = [depthfile.probe(path, args.depth_scale) for path in args.depth]
-    camera = _read_camera(args, depths[0].size)
+    depths, _ = read_headers(lambda path: depthfile.probe(path, args.depth_scale), args.depth)
+    camera = _read_camera(args, next(depth.size for depth in depths if depth is not None))
     jobs = _jobs(args, depths, camera)
     show_progress = len(jobs) > 1 and not args.quiet and sys.stderr.isatty()
     progress: Progress = progress_bar("cloud") if show_progress else no_progress
-    failed = 0
+    failed = len(depths) - len(jobs)
     with progress(jobs) as (steps, say):
         for job in steps:
             try:
                 lines = _make(job, camera, grid, args)
             except (FileError, ImageError) as error:  # one damaged frame does not stop the others
-                if len(jobs) == 1:
+                if len(depths) == 1:
                     raise
                 failed += 1
-                say(f"ipm-rs: error: {error}", sys.stderr)
+                say(error_line(error), sys.stderr)
                 continue
             if not args.quiet:
                 for line in lines:
                     say(line, sys.stdout)
     if failed:
-        raise FileError(f"{failed} of {len(jobs)} depth images failed, see above; the others were written")
+        raise FileError(f"{failed} of {len(depths)} depth images failed, see above; the others were written")
 
 
 def _read_camera(args: argparse.Namespace, size: tuple[int, int]) -> ipm_rs.Camera:
@@ -146,17 +150,19 @@ def _read_camera(args: argparse.Namespace, size: tuple[int, int]) -> ipm_rs.Came
             raise error from None
 
 
-def _jobs(args: argparse.Namespace, depths: list[depthfile.Header], camera: ipm_rs.Camera) -> list[_Job]:
-    """Refuse images that do not fit and outputs that exist, coincide or are inputs; nothing is written here."""
+def _jobs(args: argparse.Namespace, depths: list[depthfile.Header | None], camera: ipm_rs.Camera) -> list[_Job]:
+    """Refuse images that do not fit and outputs that exist, coincide or are inputs; nothing is written here.
+
+    A pair of which one is damaged makes no job.
+    """
     colours: list[imagefile.Header | None] = [None] * len(depths)
     if args.rgb is not None:
         if len(args.rgb) != len(depths):
             raise ArgumentError(f"--rgb: expected {len(depths)} images, one for each depth image, got {len(args.rgb)}")
-        headers = [imagefile.probe(path) for path in args.rgb]
-        for header in headers:
-            if header.mode not in ("L", "RGB", "RGBA"):
-                raise ImageError(f"{header.path}: expected a grey or RGB image, got mode {header.mode}; convert it")
-        colours = [*headers]
+        colours, _ = read_headers(imagefile.probe, args.rgb)
+    for colour in colours:
+        if colour is not None and colour.mode not in ("L", "RGB", "RGBA"):
+            raise ImageError(f"{colour.path}: expected a grey or RGB image, got mode {colour.mode}; convert it")
     for image in (*depths, *colours):
         if image is not None and tuple(image.size) != tuple(camera.image_size):
             (width, height), (wanted_width, wanted_height) = image.size, camera.image_size
@@ -164,13 +170,27 @@ def _jobs(args: argparse.Namespace, depths: list[depthfile.Header], camera: ipm_
                 f"{image.path}: expected {wanted_width}x{wanted_height} pixels, as the calibration was made for, got "
                 f"{width}x{height}; give images of that size, or camera.resized() in Python"
             )
-    clouds = _outputs("-o", args.output, [header.path for header in depths], ".ply", pointfile.FORMATS)
-    pictures = _outputs("--bev", args.bev, [header.path for header in depths], "_bev.png", tuple(imagefile.FORMATS))
+    clouds = _outputs("-o", args.output, args.depth, ".ply")
+    pictures = _outputs("--bev", args.bev, args.depth, "_bev.png")
+    jobs = [
+        _Job(depth, colour, cloud, picture)
+        for depth, colour, cloud, picture in zip(depths, colours, clouds, pictures, strict=True)
+        if depth is not None and (colour is not None or args.rgb is None)
+    ]
+    _check_outputs(jobs, args)
+    return jobs
+
+
+def _outputs(option: str, text: str | None, sources: list[Path], ending: str) -> list[Path] | list[None]:
+    if text is None:
+        return [None] * len(sources)
+    return output_names(option, text, sources, lambda source: f"{source.stem}{ending}", "depth images")
+
+
+def _check_outputs(jobs: list[_Job], args: argparse.Namespace) -> None:
     sources = [Path(args.calibration), *args.depth, *(args.rgb or [])]
     taken: set[str] = set()
-    for path in (*clouds, *pictures):
-        if path is None:
-            continue
+    for path in (path for job in jobs for path in (job.cloud, job.picture) if path is not None):
         name = os.path.normcase(os.path.realpath(path))
         if name in taken:
             raise ArgumentError(f"{path}: expected an output of its own for each depth image, got it twice; rename one")
@@ -179,32 +199,11 @@ def _jobs(args: argparse.Namespace, depths: list[depthfile.Header], camera: ipm_
             raise ArgumentError(f"{path}: expected an output, got an input; give another name, also with --force")
         made = path.parent == Path(args.output or "") or path.parent == Path(args.bev or "")
         check_output(path, may_exist=args.force, may_make=made)
-    for path in clouds:
-        if path is not None:
-            pointfile.check_name(path)
-    for path in pictures:
-        if path is not None:
-            imagefile.check_format(path, "RGB", "the picture")
-    return [_Job(*parts) for parts in zip(depths, colours, clouds, pictures, strict=True)]
-
-
-def _outputs(
-    option: str, text: str | None, sources: list[Path], ending: str, formats: tuple[str, ...]
-) -> list[Path | None]:
-    """Names of the outputs: the one given, or one for each source in the directory given."""
-    if text is None:
-        return [None] * len(sources)
-    if not text:
-        raise ArgumentError(f"{option}: expected a file or a directory, got an empty name; give one")
-    path = Path(text)
-    names_directory = path.is_dir() or text.endswith(tuple(filter(None, (os.sep, os.altsep))))
-    if len(sources) == 1 and not names_directory:
-        return [path]
-    if not names_directory and (path.exists() or path.suffix.lower() in formats):
-        raise ArgumentError(f"{option}: expected a directory for {len(sources)} depth images, got {text}")
-    if path.exists() and not path.is_dir():
-        raise ArgumentError(f"{option}: expected a directory, got {text}, which is a file; give another name")
-    return [path / f"{source.stem}{ending}" for source in sources]
+    for job in jobs:
+        if job.cloud is not None:
+            pointfile.check_name(job.cloud)
+        if job.picture is not None:
+            imagefile.check_format(job.picture, "RGB", "the picture")
 
 
 def _make(job: _Job, camera: ipm_rs.Camera, grid: ipm_rs.BevGrid, args: argparse.Namespace) -> list[str]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import warnings
 import zipfile
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +14,9 @@ from numpy.typing import NDArray
 
 import ipm_rs
 from ipm_rs import imagefile
-from ipm_rs.errors import ArgumentError, FileError, ImageError, MissingFileError
+from ipm_rs.errors import ArgumentError, FileError, ImageError
+from ipm_rs.files import check_source, reading
+from ipm_rs.pointfile.rows import mapped
 
 ARRAYS = (".npy", ".npz")
 _MOST_PIXELS = 1 << 28
@@ -78,32 +82,38 @@ def read(header: Header) -> NDArray[Any]:
 
 def _array(path: Path) -> NDArray[Any]:
     """Return the array of a ``.npy`` file, mapped, or the only one (or "depth") of an ``.npz``."""
-    if not path.exists():
-        raise MissingFileError(f"{path}: expected a depth image, found none; check the path")
-    try:
-        loaded = np.load(path, mmap_mode="r", allow_pickle=False)
-        if path.suffix.lower() == ".npz":
-            with loaded:
-                names = loaded.files
-                name = "depth" if "depth" in names else names[0] if len(names) == 1 else None
-                if name is None:
-                    raise FileError(f'{path}: expected one array, or one named "depth", got {", ".join(names)}')
-                member = loaded.zip.getinfo(f"{name}.npy")
-                if member.file_size > 8 * _MOST_PIXELS:
-                    raise FileError(
-                        f"{path}: expected a depth image, got an array that claims {member.file_size} bytes"
-                    )
-                array = loaded[name]
-        else:
-            array = loaded
-    except FileError:
-        raise
-    except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile) as error:
-        reason = " ".join(str(error).split())[:200]
-        raise FileError(f"{path}: expected an array of depth, got: {reason}; it may be damaged") from error
+    check_source(path, "a depth image")
+    with reading(path, "an array of depth"):
+        array = _packed(path) if path.suffix.lower() == ".npz" else mapped(path)
     if array.ndim != 2 or array.size == 0 or array.dtype.name not in ("float32", "float64", "uint16"):
         raise ImageError(
             f"{path}: expected (H, W) float32 or float64 metres, or uint16 with --depth-scale, got {array.shape} "
             f"{array.dtype}"
         )
     return array
+
+
+def _packed(path: Path) -> NDArray[Any]:
+    """Unpack an array of an ``.npz``; what its header claims is held against the bytes that there are."""
+    with zipfile.ZipFile(path) as archive:
+        names = [name.removesuffix(".npy") for name in archive.namelist()]
+        name = "depth" if "depth" in names else names[0] if len(names) == 1 else None
+        if name is None:
+            raise FileError(f'{path}: expected one array, or one named "depth", got {", ".join(names)[:200]}')
+        member = archive.getinfo(f"{name}.npy")
+        if member.file_size > 8 * _MOST_PIXELS:
+            raise FileError(f"{path}: expected a depth image, got an array that claims {member.file_size} bytes")
+        with archive.open(member) as file:
+            version = np.lib.format.read_magic(file)
+            read_header = {
+                (1, 0): np.lib.format.read_array_header_1_0,
+                (2, 0): np.lib.format.read_array_header_2_0,
+            }[version]
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # what NumPy and Python say of odd headers
+                shape, fortran, dtype = read_header(file)
+            if dtype.hasobject or math.prod(shape) * dtype.itemsize != member.file_size - file.tell():
+                raise FileError(
+                    f"{path}: expected {shape} of {dtype} as its header says, got {member.file_size} bytes; damaged"
+                )
+            return np.frombuffer(file.read(), dtype).reshape(shape, order="F" if fortran else "C")

@@ -31,6 +31,17 @@ def emit(line: str, stream: TextIO | None = None, *, end: str = "\n") -> None:
         discard(stream)
 
 
+def error_line(error: object) -> str:
+    """Return what is said of an error: one line, whatever its text or a file's name in it."""
+    lines = [line.strip() for line in str(error).splitlines()]
+    return f"ipm-rs: error: {'; '.join(filter(None, lines)).replace(':; ', ': ')}"
+
+
+def emit_error(error: object) -> None:
+    """Print an error on stderr."""
+    emit(error_line(error), sys.stderr)
+
+
 def discard(stream: TextIO) -> None:
     """Send what is still to come on a stream to nowhere, so that the interpreter's last flush does not fail either."""
     with contextlib.suppress(OSError, ValueError):

@@ -22,11 +22,13 @@ from ipm_rs.cli.arguments import (
     check_output,
     count,
     load_camera,
+    output_names,
+    read_headers,
     real,
     resolution,
     value,
 )
-from ipm_rs.cli.printing import Progress, emit, no_progress, progress_bar
+from ipm_rs.cli.printing import Progress, emit, error_line, no_progress, progress_bar
 from ipm_rs.errors import ArgumentError, CalibrationError, FileError, ImageError, IpmError
 
 
@@ -40,8 +42,9 @@ Warp camera images to metric bird's-eye views. Row 0 is far ahead, column 0 is t
 vehicle frame of the calibration: x forward, y left, z up.
 
 Images may be grey, 16-bit grey, colour, with alpha, or label images with a palette (nearest and mode only; indices and
-palette are kept). EXIF orientation is not applied: the calibration belongs to the pixels as they are stored. The
-extension of the output decides its format: """
+palette are kept). EXIF orientation is not applied: the calibration belongs to the pixels as they are stored. Of several
+images, a damaged one is told of and left out; the others are made, and the exit status is 2. The extension of the
+output decides its format: """
         + " ".join(imagefile.FORMATS)
         + ".\n\n"
         + textwrap.fill(f"The format of the calibration is recognised: {', '.join(calibration.FORMATS)}.", 118),
@@ -106,10 +109,11 @@ def run(args: argparse.Namespace) -> None:
     """Check everything, then warp image after image."""
     camera = _read_camera(args)
     grid = ipm_rs.BevGrid(x=args.x, y=args.y, resolution=resolution(args.resolution), sample_at=args.sample_at)
-    headers = [imagefile.probe(path) for path in args.images]
+    found, failed = read_headers(imagefile.probe, args.images)
+    headers = [header for header in found if header is not None]
     for header in headers:
         _check_image(header, camera, args.interpolation)
-    outputs = _outputs(args.output, headers)
+    outputs = _outputs(args, headers)
     _check_outputs(outputs, headers, args)
     options: dict[str, Any] = {
         "interpolation": args.interpolation,
@@ -130,31 +134,30 @@ def run(args: argparse.Namespace) -> None:
         )
     elif not mask.any():
         emit(f"ipm-rs: warning: {_why_blind(camera, grid, args.ground)}", sys.stderr)
-    failed = 0
     with progress(list(zip(headers, outputs, strict=True))) as (jobs, say):
         for header, output in jobs:
             try:
                 pixels, look = imagefile.read(header.path)
+                start = perf_counter()
+                bev = lut.warp(pixels, **options)
             except (FileError, ImageError) as error:  # one damaged frame does not stop the others
-                if len(headers) == 1:
+                if len(args.images) == 1:
                     raise
                 failed += 1
-                say(f"ipm-rs: error: {error}", sys.stderr)
+                say(error_line(error), sys.stderr)
                 continue
-            start = perf_counter()
-            bev = lut.warp(pixels, **options)
             milliseconds = 1e3 * (perf_counter() - start)
             output.parent.mkdir(parents=True, exist_ok=True)
             imagefile.write(output, bev, look)
             if not args.quiet:
                 rows, cols = lut.shape
                 say(f"{output}  {cols} x {rows}  {100 * mask.mean():.1f} % valid  {milliseconds:.2f} ms", sys.stdout)
-    if args.mask is not None and failed < len(headers):
+    if args.mask is not None and failed < len(args.images):
         imagefile.write(args.mask, np.where(mask, np.uint8(255), np.uint8(0)), imagefile.Look("L"))
         if not args.quiet:
             emit(f"{args.mask}  {mask.shape[1]} x {mask.shape[0]}  mask")
     if failed:
-        raise FileError(f"{failed} of {len(headers)} images could not be read, see above; the others were written")
+        raise FileError(f"{failed} of {len(args.images)} images could not be read, see above; the others were written")
 
 
 def _read_camera(args: argparse.Namespace) -> ipm_rs.Camera:
@@ -187,19 +190,13 @@ def _check_image(header: imagefile.Header, camera: ipm_rs.Camera, interpolation:
         emit(f"ipm-rs: warning: {header.path}: the first of {header.frames} frames is used", sys.stderr)
 
 
-def _outputs(text: str, headers: list[imagefile.Header]) -> list[Path]:
-    """Names of the outputs: the one given, or one per image in the directory given."""
-    if not text:
-        raise ArgumentError("-o: expected a file or a directory, got an empty name; give one")
-    path = Path(text)
-    names_directory = path.is_dir() or text.endswith(tuple(filter(None, (os.sep, os.altsep))))
-    if len(headers) == 1 and not names_directory:
-        return [path]
-    if not names_directory and (path.exists() or path.suffix.lower() in imagefile.FORMATS):
-        raise ArgumentError(f"-o: expected a directory for {len(headers)} images, got {text}; give a directory")
-    if path.exists() and not path.is_dir():
-        raise ArgumentError(f"-o: expected a directory, got {text}, which is a file; give another name")
-    return [path / f"{header.path.stem}_bev{'.tif' if header.mode == 'F' else '.png'}" for header in headers]
+def _outputs(args: argparse.Namespace, headers: list[imagefile.Header]) -> list[Path]:
+    """Names of the outputs of the images that can be read."""
+    endings = {header.path: ".tif" if header.mode == "F" else ".png" for header in headers}
+    names = output_names(
+        "-o", args.output, args.images, lambda path: f"{path.stem}_bev{endings.get(path, '.png')}", "images"
+    )
+    return [name for name, path in zip(names, args.images, strict=True) if path in endings]
 
 
 def _check_outputs(outputs: list[Path], headers: list[imagefile.Header], args: argparse.Namespace) -> None:
