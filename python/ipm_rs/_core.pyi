@@ -418,13 +418,18 @@ class Camera:
         """
     @classmethod
     def from_cityscapes(
-        cls, source: str | PathLike[str] | Mapping[str, Any], *, image_size: Sequence[int] = (2048, 1024)
+        cls,
+        source: str | PathLike[str] | Mapping[str, Any],
+        *,
+        image_size: Sequence[int] = (2048, 1024),
+        nearest_rotation: bool = False,
     ) -> Camera:
         """A camera from a Cityscapes `*_camera.json`, or the same as a dict; see `ipm_rs.calibration.cityscapes.read`.
 
         Args:
             source: path, or mapping with keys nested in "extrinsic" and "intrinsic" or flat.
             image_size: (width, height); the files do not hold it.
+            nearest_rotation: take the nearest rotation for one that is off by up to 3e-2, as three printed digits leave it.
 
         Raises:
             CalibrationError: a key is missing or its value cannot be right.
@@ -438,6 +443,7 @@ class Camera:
         camera: int | str = 2,
         image_size: Sequence[int] | None = None,
         frame: Literal["velodyne", "imu", "camera", "road"] = "velodyne",
+        nearest_rotation: bool = False,
     ) -> Camera:
         """A camera of a KITTI calibration file (object, tracking, odometry, road); see `ipm_rs.calibration.kitti.read`.
 
@@ -446,6 +452,7 @@ class Camera:
             camera: 0 to 3; 2 is the left colour camera.
             image_size: (width, height); needed, the file does not hold it.
             frame: the vehicle frame. Road: "velodyne" `ground=-1.73`, "imu" -0.93, "camera" -1.65 (all nominal), "road" 0.
+            nearest_rotation: take the nearest rotation for one that is off by up to 3e-2, as three printed digits leave it.
 
         Raises:
             CalibrationError: a key or the image size is missing, or numbers cannot be right.
@@ -460,6 +467,7 @@ class Camera:
         camera: int | str = 2,
         rectified: bool = True,
         frame: Literal["velodyne", "imu", "camera"] = "velodyne",
+        nearest_rotation: bool = False,
     ) -> Camera:
         """A camera of a KITTI raw calibration; see `ipm_rs.calibration.kitti_raw.read`.
 
@@ -468,6 +476,7 @@ class Camera:
             camera: 0 to 3; 2 is the left colour camera.
             rectified: the camera of the rectified images; False: of the raw ones, with their lens.
             frame: the vehicle frame; its road as for `from_kitti`.
+            nearest_rotation: take the nearest rotation for one that is off by up to 3e-2, as three printed digits leave it.
 
         Raises:
             CalibrationError: a key is missing or its numbers cannot be right.
@@ -481,6 +490,7 @@ class Camera:
         *,
         camera: int | str | None = None,
         frame: Literal["velodyne", "pose"] = "velodyne",
+        nearest_rotation: bool = False,
     ) -> Camera:
         """A camera of a KITTI-360 calibration; see `ipm_rs.calibration.kitti_360.read`.
 
@@ -488,6 +498,7 @@ class Camera:
             source: the directory `calibration`, a file of it, or a mapping of the files' names to their content.
             camera: 0, 1 perspective, 2, 3 fisheye; 0 if not given, or that of an `image_0x.yaml`.
             frame: the vehicle frame. Road: "velodyne" `ground=-1.73`, "pose" -0.9, nominal.
+            nearest_rotation: take the nearest rotation for one that is off by up to 3e-2, as three printed digits leave it.
 
         Raises:
             CalibrationError: a key is missing or its numbers cannot be right.
@@ -502,14 +513,17 @@ class Camera:
         camera: str | None = None,
         image_size: Sequence[int] | None = None,
         sensors: str | PathLike[str] | Sequence[Mapping[str, Any]] | None = None,
+        nearest_rotation: bool = False,
     ) -> Camera:
         """A camera of nuScenes, Lyft or nuImages, the road at z = 0; see `ipm_rs.calibration.nuscenes.read`.
 
         Args:
-            source: `calibrated_sensor.json`, its directory, the list of records, or one record.
+            source: `calibrated_sensor.json`, its directory, the list of records, one record, or a mapping of names to
+                records.
             camera: token of the record, or name ("CAM_FRONT") or token of its sensor; not needed for one record.
             image_size: (width, height), 1600 x 900 if not given; needed for Lyft.
             sensors: `sensor.json` or its records; if not given, the file beside `source`.
+            nearest_rotation: take the nearest rotation for one that is off by up to 3e-2, as three printed digits leave it.
 
         Raises:
             CalibrationError: a key is missing or its numbers cannot be right.
@@ -518,13 +532,18 @@ class Camera:
         """
     @classmethod
     def from_argoverse2(
-        cls, source: str | PathLike[str] | Mapping[str, Any], *, camera: str = "ring_front_center"
+        cls,
+        source: str | PathLike[str] | Mapping[str, Any],
+        *,
+        camera: str = "ring_front_center",
+        nearest_rotation: bool = False,
     ) -> Camera:
         """A camera of an Argoverse 2 log, the road at `ground=-0.33`; see `ipm_rs.calibration.argoverse2.read`.
 
         Args:
             source: the log's directory, its `calibration`, or mappings of the tables' rows.
             camera: the sensor_name.
+            nearest_rotation: take the nearest rotation for one that is off by up to 3e-2, as three printed digits leave it.
 
         Raises:
             CalibrationError: a key is missing or its numbers cannot be right.
@@ -533,12 +552,19 @@ class Camera:
             MissingExtraError: pyarrow, which reads the files, is not installed.
         """
     @classmethod
-    def from_waymo(cls, source: Any, *, camera: str | int | None = None) -> Camera:
+    def from_waymo(
+        cls,
+        source: Any,
+        *,
+        camera: str | int | None = None,
+        nearest_rotation: bool = False,
+    ) -> Camera:
         """A camera from Waymo's CameraCalibration fields; see `ipm_rs.calibration.waymo.read`.
 
         Args:
             source: one calibration, a list, or a context, as mappings or as a JSON file; or `CameraCalibration` messages.
             camera: its name or number; not needed for one.
+            nearest_rotation: take the nearest rotation for one that is off by up to 3e-2, as three printed digits leave it.
 
         Raises:
             CalibrationError: a key is missing or its numbers cannot be right.
@@ -555,6 +581,7 @@ class Camera:
         fov: float | None = None,
         transform: Any = None,
         handedness: Literal["left", "right"] = "left",
+        nearest_rotation: bool = False,
     ) -> Camera:
         """A camera of a CARLA sensor, the road at z = 0; see `ipm_rs.calibration.carla.read`.
 
@@ -565,6 +592,7 @@ class Camera:
             fov: horizontal, degrees.
             transform: `carla.Transform`, 4x4, or mapping of x, y, z (metres) and roll, pitch, yaw (degrees).
             handedness: of the frame of `transform`: CARLA's "left", or "right" (x forward, y left, z up).
+            nearest_rotation: take the nearest rotation for one that is off by up to 3e-2, as three printed digits leave it.
 
         Raises:
             CalibrationError: a number is missing or cannot be right.
@@ -594,6 +622,7 @@ class Camera:
         image_size: Sequence[int] | None = None,
         vehicle_from_world: ArrayLike | None = None,
         metres_per_unit: float = 1.0,
+        nearest_rotation: bool = False,
     ) -> Camera:
         """A camera of a COLMAP text model; see `ipm_rs.calibration.colmap.read`.
 
@@ -607,6 +636,7 @@ class Camera:
             image_size: (width, height); must agree with the file.
             vehicle_from_world: (4, 4), where COLMAP's world stands in the vehicle frame, metres.
             metres_per_unit: length of COLMAP's unit.
+            nearest_rotation: take the nearest rotation for one that is off by up to 3e-2, as three printed digits leave it.
 
         Raises:
             CalibrationError: a line cannot be right, or the model has no lens here.
@@ -622,6 +652,7 @@ class Camera:
         image_size: Sequence[int] | None = None,
         vehicle_from_cam0: ArrayLike | None = None,
         vehicle_from_imu: ArrayLike | None = None,
+        nearest_rotation: bool = False,
     ) -> Camera:
         """A camera of a Kalibr camchain (or OpenVINS's); see `ipm_rs.calibration.kalibr.read`.
 
@@ -631,6 +662,7 @@ class Camera:
             image_size: (width, height); must agree with the file.
             vehicle_from_cam0: (4, 4) pose of the first camera's optical frame; by default it looks along +x.
             vehicle_from_imu: (4, 4) pose of the IMU, in its place.
+            nearest_rotation: take the nearest rotation for one that is off by up to 3e-2, as three printed digits leave it.
 
         Raises:
             CalibrationError: a value cannot be right, or the lens has no model here (`fov`).
@@ -668,13 +700,15 @@ class Camera:
         camera_from_vehicle: ArrayLike | None = None,
         vehicle_from_camera: ArrayLike | None = None,
         vehicle_from_world: ArrayLike | None = None,
-        metres_per_unit: float = 1.0,
+        metres_per_unit: float | None = None,
+        nearest_rotation: bool = False,
     ) -> Camera:
-        """A camera from an OpenCV FileStorage file, YAML, JSON or XML; see `ipm_rs.calibration.opencv.read`.
+        """A camera from a file of OpenCV's `FileStorage` or `numpy.savez`; see `ipm_rs.calibration.opencv.read`.
 
         Args:
-            source: file, or a mapping of its matrices, under any of the usual names.
-            camera: 1 or "left", 2 or "right" of a stereo pair.
+            source: YAML, JSON, XML or .npz file, or a mapping of its matrices, under any of the usual names. Nothing is
+                unpickled.
+            camera: 1 or "left", 2 or "right" of a stereo pair; or the name of a section.
             image_size: (width, height), if the file lacks it.
             lens: which module of OpenCV made the file; needed for four coefficients, which may be either. "pinhole" for a
                 file without coefficients, or images that `cv2.undistort` made.
@@ -683,7 +717,9 @@ class Camera:
             camera_from_vehicle: (4, 4) pose of the first camera, in place of the file's rvec and tvec.
             vehicle_from_camera: the inverse, for who has that.
             vehicle_from_world: (4, 4), where the world of rvec and tvec stands in the vehicle frame, metres.
-            metres_per_unit: length of the unit of tvec and T.
+            metres_per_unit: length of the unit of tvec and T, 0.001 for millimetres; without it they are metres, and more
+                than 20 are refused.
+            nearest_rotation: take the nearest rotation for one that is off by up to 3e-2, as three printed digits leave it.
 
         Raises:
             CalibrationError: a matrix is missing, ambiguous or cannot be right, or there are no coefficients.
@@ -702,6 +738,8 @@ class Camera:
         camera_from_vehicle: ArrayLike | None = None,
         vehicle_from_camera: ArrayLike | None = None,
         ros_binning: bool = False,
+        metres_per_unit: float | None = None,
+        nearest_rotation: bool = False,
     ) -> Camera:
         """A camera from a ROS CameraInfo; see `ipm_rs.calibration.ros.read`.
 
@@ -713,6 +751,8 @@ class Camera:
             camera_from_vehicle: (4, 4) pose of the raw optical frame; by default it looks along +x.
             vehicle_from_camera: the inverse, for who has that.
             ros_binning: move the principal point under binning as ROS does, without the half pixel.
+            metres_per_unit: length of the unit of P's fourth column; without it metres, at most 20.
+            nearest_rotation: take the nearest rotation for one that is off by up to 3e-2, as three printed digits leave it.
 
         Raises:
             CalibrationError: the camera is uncalibrated, a value cannot be right, or the model is not known.
@@ -722,13 +762,18 @@ class Camera:
         """
     @classmethod
     def from_woodscape(
-        cls, source: str | PathLike[str] | Mapping[str, Any], *, image_size: Sequence[int] | None = None
+        cls,
+        source: str | PathLike[str] | Mapping[str, Any],
+        *,
+        image_size: Sequence[int] | None = None,
+        nearest_rotation: bool = False,
     ) -> Camera:
         """A camera from a WoodScape fisheye calibration; see `ipm_rs.calibration.woodscape.read`.
 
         Args:
             source: JSON file, or its content. The road is at z = 0.
             image_size: (width, height); must agree with the file.
+            nearest_rotation: take the nearest rotation for one that is off by up to 3e-2, as three printed digits leave it.
 
         Raises:
             CalibrationError: a key is missing or its value cannot be right.
@@ -742,6 +787,9 @@ class Camera:
         camera: str | int | None = None,
         *,
         lens: Literal["brown_conrady", "fisheye", "omnidir", "pinhole"] | None = None,
+        frame: str | None = None,
+        metres_per_unit: float | None = None,
+        nearest_rotation: bool = False,
     ) -> Camera:
         """A camera from a calibration file (or a dataset's directory) whose format is recognised.
 
@@ -754,12 +802,16 @@ class Camera:
                 agree.
             camera: which one, where the file holds several: a name or a number, as the format has it.
             lens: which, where an OpenCV file does not say it; see `from_opencv`.
+            frame: which of the dataset's frames the vehicle frame is, for the KITTI formats; "camera" for files that hold
+                projection matrices only.
+            metres_per_unit: length of the file's unit, for OpenCV, ROS and COLMAP: 0.001 for millimetres.
+            nearest_rotation: take the nearest rotation for one that is off by up to 3e-2, as three printed digits leave it.
 
         Raises:
             CalibrationError: no format fits (the message lists what was tried and what each lacked), the content cannot
                 be right, or something that the file lacks was not given.
-            ArgumentError: `camera` was given for a file that holds one only, or `lens` for one that states it; `lens`
-                is needed.
+            ArgumentError: an option was given that the format leaves no choice of, or one is needed: the message says
+                which.
             FileError, MissingFileError: the file cannot be read.
             MissingExtraError: the format needs PyYAML or pyarrow, which are not installed.
         """

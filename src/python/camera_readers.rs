@@ -52,20 +52,20 @@ impl PyCamera {
 
 // A test holds the signatures against those of the functions.
 readers! {
-    load "(path, image_size=None, camera=None, *, lens=None)" => "" "load";
-    from_cityscapes "(source, *, image_size=(2048, 1024))" => ".cityscapes" "read";
-    from_kitti "(source, *, camera=2, image_size=None, frame='velodyne')" => ".kitti" "read";
-    from_kitti_raw "(source, *, camera=2, rectified=True, frame='velodyne')" => ".kitti_raw" "read";
-    from_kitti_360 "(source, *, camera=None, frame='velodyne')" => ".kitti_360" "read";
-    from_nuscenes "(source, *, camera=None, image_size=None, sensors=None)" => ".nuscenes" "read";
-    from_argoverse2 "(source, *, camera='ring_front_center')" => ".argoverse2" "read";
-    from_waymo "(source, *, camera=None)" => ".waymo" "read";
-    from_carla "(source=None, *, camera=None, image_size=None, fov=None, transform=None, handedness='left')" => ".carla" "read";
+    load "(path, image_size=None, camera=None, *, lens=None, frame=None, metres_per_unit=None, nearest_rotation=False)" => "" "load";
+    from_cityscapes "(source, *, image_size=(2048, 1024), nearest_rotation=False)" => ".cityscapes" "read";
+    from_kitti "(source, *, camera=2, image_size=None, frame='velodyne', nearest_rotation=False)" => ".kitti" "read";
+    from_kitti_raw "(source, *, camera=2, rectified=True, frame='velodyne', nearest_rotation=False)" => ".kitti_raw" "read";
+    from_kitti_360 "(source, *, camera=None, frame='velodyne', nearest_rotation=False)" => ".kitti_360" "read";
+    from_nuscenes "(source, *, camera=None, image_size=None, sensors=None, nearest_rotation=False)" => ".nuscenes" "read";
+    from_argoverse2 "(source, *, camera='ring_front_center', nearest_rotation=False)" => ".argoverse2" "read";
+    from_waymo "(source, *, camera=None, nearest_rotation=False)" => ".waymo" "read";
+    from_carla "(source=None, *, camera=None, image_size=None, fov=None, transform=None, handedness='left', nearest_rotation=False)" => ".carla" "read";
     from_json "(source)" => ".json" "read";
-    from_colmap "(source, *, camera=None, images=None, image=None, image_size=None, vehicle_from_world=None, metres_per_unit=1.0)" => ".colmap" "read";
-    from_kalibr "(source, *, camera=None, image_size=None, vehicle_from_cam0=None, vehicle_from_imu=None)" => ".kalibr" "read";
+    from_colmap "(source, *, camera=None, images=None, image=None, image_size=None, vehicle_from_world=None, metres_per_unit=1.0, nearest_rotation=False)" => ".colmap" "read";
+    from_kalibr "(source, *, camera=None, image_size=None, vehicle_from_cam0=None, vehicle_from_imu=None, nearest_rotation=False)" => ".kalibr" "read";
     from_matlab "(source, *, image_size=None)" => ".matlab" "read";
-    from_opencv "(source, *, camera=None, image_size=None, lens=None, extrinsics=None, rectified=False, camera_from_vehicle=None, vehicle_from_camera=None, vehicle_from_world=None, metres_per_unit=1.0)" => ".opencv" "read";
-    from_ros "(source, *, image='raw', camera=None, image_size=None, camera_from_vehicle=None, vehicle_from_camera=None, ros_binning=False)" => ".ros" "read";
-    from_woodscape "(source, *, image_size=None)" => ".woodscape" "read";
+    from_opencv "(source, *, camera=None, image_size=None, lens=None, extrinsics=None, rectified=False, camera_from_vehicle=None, vehicle_from_camera=None, vehicle_from_world=None, metres_per_unit=None, nearest_rotation=False)" => ".opencv" "read";
+    from_ros "(source, *, image='raw', camera=None, image_size=None, camera_from_vehicle=None, vehicle_from_camera=None, ros_binning=False, metres_per_unit=None, nearest_rotation=False)" => ".ros" "read";
+    from_woodscape "(source, *, image_size=None, nearest_rotation=False)" => ".woodscape" "read";
 }

@@ -207,9 +207,16 @@ def test_nested_too_deep(write):
         cityscapes.read(write(b"[" * 200_000))
 
 
-@pytest.mark.parametrize("data", [b"\x89PNG\r\n\x1a\n\x00\x00", json.dumps(FLAT).encode("utf-16")])
-def test_not_utf8(data, write):
-    with refuses(errors.CalibrationError, "camera.json", "UTF-8", "byte 0x"):
+@pytest.mark.parametrize(
+    ("data", "got"),
+    [
+        (json.dumps({**FLAT, "name": "Köln"}, ensure_ascii=False).encode("latin-1"), "byte 0xf6"),
+        (json.dumps(FLAT).encode("utf-16"), "text in UTF-16"),
+        (b"\x89PNG\r\n\x1a\n\x00\x00", "a PNG image; did you swap calibration and image?"),
+    ],
+)
+def test_not_utf8(data, got, write):
+    with refuses(errors.CalibrationError, "camera.json", "UTF-8", got):
         cityscapes.read(write(data))
 
 

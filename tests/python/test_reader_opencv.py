@@ -313,7 +313,7 @@ def test_arguments(pair):
         opencv.read(content(), vehicle_from_world=np.eye(4), vehicle_from_camera=np.eye(4))
     with refuses(errors.CalibrationError, "rvec and tvec", "vehicle_from_world="):
         opencv.read(content(), vehicle_from_world=np.eye(4))
-    for wrong in (0, -1, float("nan"), "mm", None):
+    for wrong in (0, -1, float("nan"), "mm"):
         with refuses(errors.IpmError, "metres_per_unit"):
             opencv.read(content(rvec=[0, 0, 1], tvec=[0, 0, 1]), metres_per_unit=wrong)
     with refuses(errors.ArgumentTypeError, "extrinsics", "int"):

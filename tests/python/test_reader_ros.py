@@ -215,7 +215,7 @@ INI = samples.ROS_INI.decode()
         (INI.replace("camera matrix", "matrix"), ["camera matrix"]),
         (INI.replace("0.000505 0.000000\n", "0.000505\n"), ["distortion", "got 4", "YAML form"]),
         (INI.replace("0.000505", "five"), ["distortion_coefficients[3]", "'five'"]),
-        (INI.replace("width\n640", "width\n640 480"), ["image_width", "list of 2"]),
+        (INI.replace("width\n640", "width\n640 480"), ["image_width", "list [640, 480]"]),
         (INI.replace("width\n", ""), ["line 5", "name above"]),
         (INI.replace("437.302876", ""), ["camera_matrix", "8 numbers"]),
         (INI.replace("[image]", "[picture]"), ["missing image_width"]),

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-import json
 import os
-from collections import Counter
 from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 from ipm_rs.calibration._checks import Section, describe
-from ipm_rs.errors import ArgumentTypeError, CalibrationError, FileError, MissingFileError
+from ipm_rs.calibration._filestorage import parse_documents
+from ipm_rs.calibration._jsontext import parse_json
+from ipm_rs.calibration._kinds import is_zip, kind_of
+from ipm_rs.calibration._npz import read_npz
+from ipm_rs.errors import ArgumentTypeError, CalibrationError, FileError, MissingExtraError, MissingFileError
 
 __all__ = [
     "MAX_BYTES",
@@ -28,7 +30,7 @@ __all__ = [
 Source = str | os.PathLike[str] | Mapping[str, Any]
 """What most readers take: a path, or the content of the file."""
 
-MAX_BYTES = 64 << 20
+MAX_BYTES = 32 << 20
 """The largest file that is read: calibration tables of whole datasets have 10 MB."""
 
 
@@ -47,7 +49,10 @@ class Document:
         self.origin = path
         self.title = title
         self.path = Path(path)
-        self._article = f"a{'n' if title[:1] in 'AEIOU' and title else ''} {title} " if title else "a "
+
+    @property
+    def _article(self) -> str:
+        return f"a{'n' if self.title[:1] in 'AEIOU' else ''} {self.title} " if self.title else "a "
 
     @property
     def is_directory(self) -> bool:
@@ -85,6 +90,11 @@ class Document:
     @cached_property
     def text(self) -> str:
         """Content as UTF-8 text; a byte order mark is no content."""
+        kind = kind_of(self.data)
+        if kind is None and self.is_npz:
+            kind = f"a zip archive; pass {self._article}calibration file out of it"
+        if kind is not None:
+            raise CalibrationError(f"{self.origin}: expected text in UTF-8, got {kind}")
         try:
             return self.data.decode("utf-8-sig")
         except UnicodeDecodeError as error:
@@ -93,43 +103,71 @@ class Document:
                 f"{error.start}; pass {self._article}calibration file, saved as UTF-8"
             ) from error
 
-    @cached_property
+    @property
     def json(self) -> Any:
         """Content as JSON; a key that is repeated in one object is refused."""
-        return parse_json(self.text, self.origin)
+        content, error = self._json
+        if error is not None:
+            raise error
+        return content
 
     @property
     def is_json(self) -> bool:
         """Whether the content is JSON."""
+        return self._json[1] is None
+
+    @property
+    def is_npz(self) -> bool:
+        """Whether the content is a zip archive, as ``numpy.savez`` writes."""
+        return is_zip(self.data)
+
+    @property
+    def documents(self) -> list[Any]:
+        """Content as plain data, from JSON, XML, YAML or an .npz: YAML has one or more documents, the others one."""
+        documents, error = self._documents
+        if error is not None:
+            raise error
+        return documents
+
+    @property
+    def tree(self) -> Any:
+        """Content as plain data; YAML of several documents is refused."""
+        documents = self.documents
+        if len(documents) > 1:
+            raise CalibrationError(
+                f"{self.origin}: expected one document, got {len(documents)}, parted by '---'; keep the one that holds "
+                "the camera"
+            )
+        return documents[0]
+
+    @cached_property
+    def keys(self) -> Mapping[str, Any]:
+        """Named values at the top; empty where there are none, or nothing is named."""
         try:
-            _ = self.json
-        except CalibrationError:
-            return False
-        return True
+            tree = self.documents[0]
+        except (CalibrationError, MissingExtraError):
+            return {}
+        return tree if isinstance(tree, Mapping) else {}
 
+    # Each is parsed once, also where that fails: a recogniser asks for every format.
+    @cached_property
+    def _json(self) -> tuple[Any, CalibrationError | None]:
+        try:
+            return parse_json(self.text, self.origin), None
+        except CalibrationError as error:
+            return None, error
 
-def parse_json(text: str, origin: str) -> Any:
-    """Content of JSON text; a key that is repeated in one object is refused."""
-    try:
-        return json.loads(text, object_pairs_hook=_object)
-    except CalibrationError as error:
-        raise CalibrationError(f"{origin}: {error}") from None
-    except (ValueError, RecursionError) as error:
-        size = len(text.encode(errors="replace"))
-        raise CalibrationError(
-            f"{origin}: expected JSON, got {size} byte{'' if size == 1 else 's'} that are not: {str(error)[:200]}; "
-            "the file may be cut short, fetch it again"
-        ) from error
-
-
-def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """One JSON object; a repeated key is refused, where ``json`` would keep the last silently."""
-    content = dict(pairs)
-    if len(content) != len(pairs):
-        counts = Counter(key for key, _ in pairs)
-        repeated = sorted(key for key, count in counts.items() if count > 1)
-        raise CalibrationError(f"expected every key once, got {', '.join(map(repr, repeated))} repeated; keep one")
-    return content
+    @cached_property
+    def _documents(self) -> tuple[list[Any], CalibrationError | MissingExtraError | None]:
+        try:
+            if self.is_npz:
+                return [read_npz(self.data, self.origin)], None
+            start = self.text.lstrip()[:1]
+            if start in ("{", "[") and self.is_json:
+                return [self.json], None
+            return parse_documents(self.text, self.origin), None
+        except (CalibrationError, MissingExtraError) as error:
+            return [], error
 
 
 def open_document(source: Any, title: str, *, or_mapping: bool = False, argument: str = "source") -> Document:
@@ -140,6 +178,9 @@ def open_document(source: Any, title: str, *, or_mapping: bool = False, argument
     ArgumentTypeError
         `source` is no path.
     """
+    if isinstance(source, Document):  # of Camera.load, which has looked at it already
+        source.title = title
+        return source
     if not isinstance(source, (str, os.PathLike)):
         wanted = "a path or a mapping" if or_mapping else "a path"
         mend = "pass the file's name" + (", or the mapping that json.load() returns" if or_mapping else "")
@@ -187,13 +228,14 @@ def same_size(given: Any, found: tuple[int, int], origin: str) -> None:
     if given is None:
         return
     try:
-        same = tuple(given) == found
-    except TypeError:
-        same = False
+        same, swapped = tuple(given) == found, tuple(given) == found[::-1]
+    except (TypeError, ValueError):  # no sequence, or one of arrays
+        same = swapped = False
     if not same:
+        order = "it is (width, height), not (height, width): swap them, or " if swapped else ""
         raise CalibrationError(
             f"{origin}: expected image_size ({found[0]}, {found[1]}), which the file states, got {describe(given)}; "
-            "drop the argument, and follow with camera.resized() or camera.cropped() if your images are smaller"
+            f"{order}drop the argument, and follow with camera.resized() or camera.cropped() if your images are smaller"
         )
 
 

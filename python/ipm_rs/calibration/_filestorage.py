@@ -17,17 +17,18 @@ from __future__ import annotations
 import math
 import re
 import xml.parsers.expat
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ipm_rs.calibration._files import parse_json
-from ipm_rs.calibration._yaml import MAX_DEPTH, MAX_VALUES, Tagged, parse_yaml, scalar
+from ipm_rs.calibration._checks import forgotten_commas
+from ipm_rs.calibration._jsontext import parse_json
+from ipm_rs.calibration._yaml import MAX_DEPTH, MAX_VALUES, Tagged, parse_yaml_documents, scalar
 from ipm_rs.errors import CalibrationError
 
-__all__ = ["parse_storage", "plain"]
+__all__ = ["parse_documents", "parse_storage", "plain"]
 
 _TYPES = ("opencv-matrix", "opencv-nd-matrix")
 _WORD = re.compile(r'"([^"]*)"|([^\s"]+)')
@@ -46,13 +47,10 @@ def parse_storage(text: str, origin: str) -> dict[str, Any]:
     MissingExtraError
         It is YAML, and PyYAML is not installed.
     """
-    start = text.lstrip()[:1]
-    if start == "<":
-        content = _parse_xml(text, origin)
-    elif start == "{":
-        content = _parse_json(text, origin)
-    else:
-        content = parse_yaml(text, origin)
+    documents = parse_documents(text, origin)
+    if len(documents) > 1:
+        raise CalibrationError(f"{origin}: expected one document, got {len(documents)}; keep the one of the camera")
+    content = documents[0]
     if not isinstance(content, dict):
         raise CalibrationError(
             f"{origin}: expected named values at the top, got {type(content).__name__}; "
@@ -60,6 +58,20 @@ def parse_storage(text: str, origin: str) -> dict[str, Any]:
         )
     result: dict[str, Any] = plain(content, origin)
     return result
+
+
+def parse_documents(text: str, origin: str) -> list[Any]:
+    """Parse the text of any form into plain data, matrices as they are written; YAML may have several documents."""
+    start = text.lstrip()[:2]
+    if start.startswith("<"):
+        return [_parse_xml(text, origin)]
+    if start.startswith("{"):
+        try:
+            return [_parse_json(text, origin)]
+        except CalibrationError:
+            if not start[1:].isalpha():  # {K: [...]}, YAML all in braces
+                raise
+    return parse_yaml_documents(text, origin)
 
 
 def plain(value: Any, origin: str, name: str = "", depth: int = 0) -> Any:
@@ -107,15 +119,26 @@ def _matrix(content: Mapping[Any, Any], where: str) -> NDArray[np.float64]:
         raise CalibrationError(
             f"{where}: data: expected a list of numbers, got {data!r:.60}; write the matrix's numbers"
         )
-    if len(data) != math.prod(shape) or len(shape) > 8:
-        raise CalibrationError(
-            f"{where}: data: expected {' x '.join(map(str, shape[:9]))} numbers, got {len(data)}; "
-            "the file may be cut short, fetch it again"
-        )
+    forgotten_commas(data, f"{where}: data")
     for value in data:
         if isinstance(value, bool) or not isinstance(value, (int, float)):
             raise CalibrationError(f"{where}: data: expected numbers, got {value!r:.60}; correct it")
+    count = math.prod(shape)
+    if len(shape) == 2 and 1 in shape and _padded(data, count):
+        # Coefficients in a row: zeros beyond what the header says are those of a longer model, which change nothing.
+        data = [*data, *[0.0] * count][:count]
+    if len(data) != count or len(shape) > 8:
+        sizes = "sizes" if "sizes" in content else "rows and cols"
+        raise CalibrationError(
+            f"{where}: data: expected {' x '.join(map(str, shape[:9]))} numbers, got {len(data)}; "
+            f"correct {sizes}, or fetch the file again"
+        )
     return np.array([_float(value) for value in data], dtype=np.float64).reshape(shape)
+
+
+def _padded(data: Sequence[float], count: int) -> bool:
+    """Whether a list of another length than stated says the same: more numbers, all zero, or too few, all zero."""
+    return bool(data) and not any(data[count:] if len(data) > count else data)
 
 
 def _float(value: float) -> float:

@@ -11,7 +11,7 @@ from ipm_rs.calibration._checks import Section
 from ipm_rs.calibration._files import Document, Source, open_document
 from ipm_rs.errors import CalibrationError
 
-__all__ = ["MAX_LINES", "Files", "key_lines", "lines_missing", "nested_lines"]
+__all__ = ["MAX_LINES", "Files", "first_words", "key_lines", "lines_missing", "nested_lines"]
 
 MAX_LINES = 1000
 """Of a calibration file; those of KITTI have 8 to 40."""
@@ -26,13 +26,17 @@ def lines_missing(document: Document, *keys: str) -> str | None:
 
     What stands in the lines is for the reader, and so is a line that is there twice.
     """
-    lines = document.text.splitlines()
-    if len(lines) > MAX_LINES or len(document.data) > _MAX_BYTES:
+    if document.data.count(b"\n") > MAX_LINES or len(document.data) > _MAX_BYTES:
         return "too long a file"
-    words = [line.replace(":", " ", 1).split(maxsplit=1) for line in lines]
-    there = {first for first, *_ in filter(None, words)}
+    there = first_words(document)
     lacks = [f"{key}:" for key in keys if key not in there]
     return f"no line {', '.join(lacks)}" if lacks else None
+
+
+def first_words(document: Document) -> set[str]:
+    """Words that lines begin with, of the first that a calibration may have."""
+    lines = document.text[:_MAX_BYTES].splitlines()[:MAX_LINES]
+    return {first for first, *_ in filter(None, (line.replace(":", " ", 1).split(maxsplit=1) for line in lines))}
 
 
 def key_lines(document: Document) -> Section:
@@ -131,10 +135,12 @@ class Files:
         their content.
     title : str
         The format, for messages.
+    nearest : bool
+        As of `Section`, for all of them.
     """
 
-    def __init__(self, source: Source, title: str) -> None:
-        self.title = title
+    def __init__(self, source: Source, title: str, *, nearest: bool = False) -> None:
+        self.title, self.nearest = title, nearest
         self.mapping: Section | None = None
         self.document: Document | None = None
         if isinstance(source, Mapping):
@@ -144,6 +150,11 @@ class Files:
 
     def section(self, name: str, parse: Callable[[Document], Section] = key_lines) -> Section:
         """Content of one file; in a mapping, a list or an array stands for a file that has numbers only."""
+        found = self._section(name, parse)
+        found.nearest = self.nearest
+        return found
+
+    def _section(self, name: str, parse: Callable[[Document], Section]) -> Section:
         stem = name.partition(".")[0]
         if self.mapping is not None:
             value = self.mapping.value(stem)

@@ -27,7 +27,8 @@ _MODELS = {5: "plumb_bob", 8: "rational_polynomial"}
 
 def looks_like_ini(text: str) -> bool:
     """Whether the first line that is no comment is a section's name."""
-    line = next((line.strip() for line in text.splitlines() if line.strip() and line.strip()[0] not in "#;"), "")
+    lines = text[:100_000].splitlines()  # a file of any size is asked this
+    line = next((line.strip() for line in lines if line.strip() and line.strip()[0] not in "#;"), "")
     return _SECTION.match(line) is not None and not _is_number(line.strip("[]").split(",")[0])
 
 

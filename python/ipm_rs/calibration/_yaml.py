@@ -20,11 +20,12 @@ from typing import Any, NamedTuple
 
 from ipm_rs.errors import CalibrationError, MissingExtraError
 
-__all__ = ["MAX_DEPTH", "MAX_VALUES", "Tagged", "parse_yaml", "scalar"]
+__all__ = ["MAX_DEPTH", "MAX_VALUES", "Tagged", "parse_yaml", "parse_yaml_documents", "scalar"]
 
-MAX_CHARACTERS = 8 << 20
+# PyYAML takes 10 microseconds for each value: a second in all.
+MAX_CHARACTERS = 4 << 20
 MAX_DEPTH = 32
-MAX_VALUES = 500_000
+MAX_VALUES = 100_000
 
 _CORE = "tag:yaml.org,2002:"
 _OPENCV_TAGS = ("opencv-matrix", "opencv-nd-matrix")
@@ -46,7 +47,24 @@ class Tagged(NamedTuple):
 
 
 def parse_yaml(text: str, origin: str) -> Any:
-    """Parse one YAML document into plain data.
+    """Parse one YAML document into plain data; empty ones after it, as dumps end with, do not count.
+
+    Raises
+    ------
+    MissingExtraError, CalibrationError
+        As `parse_yaml_documents`, or there are several documents.
+    """
+    documents = parse_yaml_documents(text, origin)
+    if len(documents) > 1:
+        raise CalibrationError(
+            f"{origin}: expected one document, got {len(documents)}, parted by '---'; keep the one that holds the "
+            "camera"
+        )
+    return documents[0]
+
+
+def parse_yaml_documents(text: str, origin: str) -> list[Any]:
+    """Parse YAML into plain data, one value for each document that is not empty; ``[None]`` if all are.
 
     Parameters
     ----------
@@ -61,8 +79,8 @@ def parse_yaml(text: str, origin: str) -> Any:
     MissingExtraError
         PyYAML is not installed.
     CalibrationError
-        The text is not YAML, holds a tag other than those of OpenCV's matrices, a key twice, more than one document,
-        or more depth or values than a calibration has.
+        The text is not YAML, holds a tag other than those of OpenCV's matrices, a key twice, or more depth or values
+        than a calibration has.
     """
     if len(text) > MAX_CHARACTERS:
         raise CalibrationError(
@@ -74,9 +92,9 @@ def parse_yaml(text: str, origin: str) -> Any:
     if header:  # an empty line in its place keeps line numbers right
         text = _NO_SPACE.sub(r"\1: ", text[header.end() :])
     loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-    events = yaml.parse(text, Loader=loader)
     try:
-        return _Builder(yaml, events, origin).document()
+        events = yaml.parse(text, Loader=loader)
+        return _Builder(yaml, events, origin).documents()
     except yaml.YAMLError as error:
         problem = getattr(error, "problem", None) or getattr(error, "reason", None) or "cannot be parsed"
         where = _where(getattr(error, "problem_mark", None))
@@ -126,16 +144,15 @@ class _Builder:
         self.anchors: dict[str, tuple[Any, int]] = {}
         self.count = 0
 
-    def document(self) -> Any:
-        yaml, value = self.yaml, None
-        documents = 0
+    def documents(self) -> list[Any]:
+        values = []
         for event in self.events:
-            if isinstance(event, yaml.DocumentStartEvent):
-                documents += 1
-                if documents > 1:
-                    raise self.error(event, "one document", "a second one", "keep the one that holds the camera")
+            if isinstance(event, self.yaml.DocumentStartEvent):
+                self.anchors.clear()  # they end with their document
                 value = self.value(next(self.events), 0)
-        return value
+                if value is not None:
+                    values.append(value)
+        return values or [None]
 
     def value(self, event: Any, depth: int) -> Any:
         yaml = self.yaml
@@ -203,7 +220,10 @@ class _Builder:
         self.count += values
         if self.count > MAX_VALUES:
             raise self.error(
-                event, f"at most {MAX_VALUES} values", "more", "aliases count as what they stand for; write values out"
+                event,
+                f"at most {MAX_VALUES} values",
+                "more",
+                "pass the calibration, not the recording; aliases count as what they stand for, write values out",
             )
 
     def error(self, event: Any, expected: str, got: str, mend: str) -> CalibrationError:

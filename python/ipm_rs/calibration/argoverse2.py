@@ -21,13 +21,15 @@ from typing import Any
 import numpy as np
 
 from ipm_rs._core import Camera
-from ipm_rs.calibration._checks import Section, blame, describe, listed, pinhole, quaternion, rigid
+from ipm_rs.calibration._camera import build
+from ipm_rs.calibration._checks import Section, describe, listed, pinhole, quaternion, rigid
 from ipm_rs.calibration._files import Document, Source, open_document
 from ipm_rs.errors import ArgumentError, ArgumentTypeError, CalibrationError, MissingExtraError
 
-__all__ = ["TITLE", "missing", "read"]
+__all__ = ["KEYS", "TITLE", "missing", "read"]
 
 TITLE = "Argoverse 2"
+KEYS = ("fx_px", "fy_px", "cx_px", "cy_px", "width_px", "height_px", "sensor_name", "tx_m", "ty_m", "tz_m")
 
 _INTRINSICS, _POSES = "intrinsics", "egovehicle_SE3_sensor"
 _NUMBERS = ("fx_px", "fy_px", "cx_px", "cy_px", "width_px", "height_px")
@@ -36,7 +38,7 @@ _POSE = ("qw", "qx", "qy", "qz", "tx_m", "ty_m", "tz_m")
 
 
 @np.errstate(all="ignore")  # what overflows is for the camera to refuse, not for NumPy to warn of
-def read(source: Source, *, camera: str = "ring_front_center") -> Camera:
+def read(source: Source, *, camera: str = "ring_front_center", nearest_rotation: bool = False) -> Camera:
     """Read a camera of an Argoverse 2 log.
 
     Parameters
@@ -47,6 +49,8 @@ def read(source: Source, *, camera: str = "ring_front_center") -> Camera:
         with the columns of both files for one camera.
     camera : str
         The ``sensor_name``; not needed where there is one row.
+    nearest_rotation : bool
+        Take the nearest rotation for one that is off by up to 3e-2, as three printed digits leave it.
 
     Returns
     -------
@@ -71,14 +75,14 @@ def read(source: Source, *, camera: str = "ring_front_center") -> Camera:
     pose.require(*_POSE)
     fx, fy = (intrinsics.number(key, unit="pixels", positive=True) for key in _NUMBERS[:2])
     cx, cy = (intrinsics.number(key, unit="pixels") for key in _NUMBERS[2:4])
-    R = quaternion([pose.value(key) for key in _POSE[:4]], pose.where("qw qx qy qz"), "wxyz")
+    R = quaternion([pose.value(key) for key in _POSE[:4]], pose.where("qw qx qy qz"), "wxyz", nearest=nearest_rotation)
     t = [pose.number(key, unit="metres") for key in _POSE[4:]]
-    with blame(intrinsics.where()):
-        return Camera(
-            pinhole(fx, fy, cx, cy),
-            image_size=intrinsics.image_size("width_px", "height_px"),
-            vehicle_from_camera=rigid(R, t),
-        )
+    return build(
+        intrinsics.where(),
+        pinhole(fx, fy, cx, cy),
+        image_size=intrinsics.image_size("width_px", "height_px"),
+        vehicle_from_camera=rigid(R, t),
+    )
 
 
 def missing(document: Document) -> str | None:

@@ -24,11 +24,11 @@ from typing import Any, Literal
 import numpy as np
 
 from ipm_rs._core import Camera, flip_handedness_pose, rotation_from_euler
+from ipm_rs.calibration._camera import build
 from ipm_rs.calibration._checks import (
     OPTICAL_FROM_FLU,
     Matrix,
     Section,
-    blame,
     describe,
     listed,
     number,
@@ -42,9 +42,10 @@ from ipm_rs.calibration._files import Document, Source, keys_missing, needs_size
 from ipm_rs.calibration.kitti import one_of
 from ipm_rs.errors import ArgumentError, ArgumentTypeError, CalibrationError
 
-__all__ = ["TITLE", "intrinsics", "missing", "read"]
+__all__ = ["KEYS", "TITLE", "intrinsics", "missing", "read"]
 
 TITLE = "CARLA"
+KEYS = ("image_size_x", "image_size_y", "fov", "spawn_point", "sensor_tick", "objects")
 
 _AXES, _ANGLES = ("x", "y", "z"), ("roll", "pitch", "yaw")
 _SIZE = ("image_size_x", "image_size_y")
@@ -60,6 +61,7 @@ def read(
     fov: float | None = None,
     transform: Any = None,
     handedness: Literal["left", "right"] = "left",
+    nearest_rotation: bool = False,
 ) -> Camera:
     """Camera of a CARLA sensor, from its numbers or from a file.
 
@@ -81,6 +83,8 @@ def read(
         named is 0. Without it, the camera is at the origin and looks along +x.
     handedness : {"left", "right"}
         Of the frame that `transform` is in: CARLA's own, or x forward, y left, z up.
+    nearest_rotation : bool
+        Take the nearest rotation for one that is off by up to 3e-2, as three printed digits leave it.
 
     Returns
     -------
@@ -116,15 +120,15 @@ def read(
     else:
         angle, where = fov, "fov"
     if transform is None:
-        vehicle_from_sensor = _own_transform(place, handedness)
+        vehicle_from_sensor = _own_transform(place, handedness, nearest_rotation)
     else:
-        vehicle_from_sensor = _flu(transform, "transform", handedness)
-    with blame(place.where()):
-        return Camera(
-            intrinsics(size, angle, where=where),
-            image_size=size,
-            vehicle_from_camera=vehicle_from_sensor @ rigid(OPTICAL_FROM_FLU.T, (0.0, 0.0, 0.0)),
-        )
+        vehicle_from_sensor = _flu(transform, "transform", handedness, nearest_rotation)
+    return build(
+        place.where(),
+        intrinsics(size, angle, where=where),
+        image_size=size,
+        vehicle_from_camera=vehicle_from_sensor @ rigid(OPTICAL_FROM_FLU.T, (0.0, 0.0, 0.0)),
+    )
 
 
 def missing(document: Document) -> str | None:
@@ -176,25 +180,25 @@ def _real(value: Any) -> Any:
     return value
 
 
-def _own_transform(place: Section, handedness: str) -> Matrix:
+def _own_transform(place: Section, handedness: str, nearest: bool) -> Matrix:
     """(4, 4) transform that a mapping holds, in axes x forward, y left, z up."""
     if "transform" in place and "spawn_point" in place:
         raise CalibrationError(f"{place.where()}: expected transform or spawn_point, got both; keep one")
     if "spawn_point" in place:  # the ROS bridge's
-        return _flu(place.value("spawn_point"), place.where("spawn_point"), "right")
+        return _flu(place.value("spawn_point"), place.where("spawn_point"), "right", nearest)
     if "handedness" in place:
         handedness = place.text("handedness", among=("left", "right"))
     if "transform" in place:
-        return _flu(place.value("transform"), place.where("transform"), handedness)
+        return _flu(place.value("transform"), place.where("transform"), handedness, nearest)
     return np.eye(4)
 
 
-def _flu(transform: Any, where: str, handedness: str) -> Matrix:
+def _flu(transform: Any, where: str, handedness: str, nearest: bool) -> Matrix:
     """(4, 4) transform in axes x forward, y left, z up."""
     if hasattr(transform, "get_matrix"):  # carla.Transform
         transform = transform.get_matrix()
     if not isinstance(transform, Mapping):
-        T = pose(transform, where)
+        T = pose(transform, where, nearest=nearest)
         return flip_handedness_pose(T) if handedness == "left" else T
     x, y, z, roll, pitch, yaw = _six(transform, where)
     if handedness == "left":

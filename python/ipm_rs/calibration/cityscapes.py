@@ -25,13 +25,15 @@ from collections.abc import Mapping
 import numpy as np
 
 from ipm_rs._core import Camera
+from ipm_rs.calibration._camera import build
 from ipm_rs.calibration._checks import OPTICAL_FROM_FLU, Section, describe, pinhole, rigid
 from ipm_rs.calibration._files import Document, Source, keys_missing, read_json, same_size
 from ipm_rs.errors import CalibrationError
 
-__all__ = ["TITLE", "missing", "read"]
+__all__ = ["KEYS", "TITLE", "missing", "read"]
 
 TITLE = "Cityscapes"
+KEYS = ("extrinsic", "intrinsic", "roll", "pitch", "yaw", "fx", "fy", "u0", "v0", "sensor", "sensor_T_ISO_8855")
 
 _SECTIONS = {
     "extrinsic": ("x", "y", "z", "roll", "pitch", "yaw"),
@@ -40,7 +42,7 @@ _SECTIONS = {
 
 
 @np.errstate(all="ignore")  # what overflows is for the camera to refuse, not for NumPy to warn of
-def read(source: Source, *, image_size: tuple[int, int] = (2048, 1024)) -> Camera:
+def read(source: Source, *, image_size: tuple[int, int] = (2048, 1024), nearest_rotation: bool = False) -> Camera:
     """Read a Cityscapes camera calibration.
 
     Parameters
@@ -51,6 +53,8 @@ def read(source: Source, *, image_size: tuple[int, int] = (2048, 1024)) -> Camer
         them, are not used. A Cityscapes-3D file or its mapping is told by the key ``sensor``.
     image_size : (int, int)
         Width and height in pixels of the image that the intrinsics belong to; the file does not say it.
+    nearest_rotation : bool
+        Take the nearest rotation for one that is off by up to 3e-2, as three printed digits leave it.
 
     Returns
     -------
@@ -70,11 +74,14 @@ def read(source: Source, *, image_size: tuple[int, int] = (2048, 1024)) -> Camer
         `source` is neither a path nor a mapping.
     """
     place = read_json(source, TITLE)
+    place.nearest = nearest_rotation
     if "sensor" in place:
         return _read_3d(place, image_size)
     values = _values(place)
-    return Camera.from_euler(
+    return build(
+        place.where("intrinsic") if "intrinsic" in place else place.origin,
         pinhole(values["fx"], values["fy"], values["u0"], values["v0"]),
+        make=Camera.from_euler,
         image_size=image_size,
         position=(values["x"], values["y"], values["z"]),
         roll=values["roll"],
@@ -100,9 +107,8 @@ def _read_3d(place: Section, image_size: tuple[int, int]) -> Camera:
         same_size(image_size, place.image_size("imgWidth", "imgHeight"), place.origin)
     T = sensor.pose("sensor_T_ISO_8855")
     fx, fy, u0, v0 = (sensor.number(key, unit="pixels", positive=key in ("fx", "fy")) for key in _SECTIONS["intrinsic"])
-    return Camera(
-        pinhole(fx, fy, u0, v0), image_size=image_size, camera_from_vehicle=rigid(OPTICAL_FROM_FLU, (0, 0, 0)) @ T
-    )
+    pose = rigid(OPTICAL_FROM_FLU, (0, 0, 0)) @ T
+    return build(sensor.where(), pinhole(fx, fy, u0, v0), image_size=image_size, camera_from_vehicle=pose)
 
 
 def _values(place: Section) -> dict[str, float]:

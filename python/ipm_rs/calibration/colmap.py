@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ipm_rs._core import BrownConrady, Camera, KannalaBrandt
+from ipm_rs.calibration._camera import build
 from ipm_rs.calibration._checks import (
     blame,
     inverse,
@@ -43,9 +44,10 @@ from ipm_rs.errors import ArgumentError, CalibrationError
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-__all__ = ["missing", "read"]
+__all__ = ["KEYS", "missing", "read"]
 
 TITLE = "COLMAP"
+KEYS = ("CAMERA_ID", "MODEL", "WIDTH", "HEIGHT", "PARAMS[]")
 
 # Parameters of each model: f for one focal length or fx fy for two, then cx cy, then the lens in our order; "-" is 0.
 _MODELS: dict[str, tuple[int, str, str]] = {
@@ -61,12 +63,17 @@ _MODELS: dict[str, tuple[int, str, str]] = {
 }
 _WITHOUT = ("FOV", "THIN_PRISM_FISHEYE", "RAD_TAN_THIN_PRISM_FISHEYE")
 
+_HEAD = 10_000  # characters, within which the first camera comes: a recogniser is asked of files of any size
+_MOST_LINES = 200_000
+
 Matrix = NDArray[np.float64]
 
 
 def missing(document: Document) -> str | None:
     """Say what a document lacks to be of this format; None if nothing."""
-    rows = _rows(document.text)
+    if document.is_directory:
+        return "a directory"
+    rows = _rows(document.text[:_HEAD])
     known = (*_MODELS, *_WITHOUT)
     return None if rows and len(rows[0][1]) > 4 and rows[0][1][1] in known else "no line CAMERA_ID MODEL WIDTH HEIGHT"
 
@@ -81,6 +88,7 @@ def read(
     image_size: tuple[int, int] | None = None,
     vehicle_from_world: ArrayLike | None = None,
     metres_per_unit: float = 1.0,
+    nearest_rotation: bool = False,
 ) -> Camera:
     """Read one camera of a COLMAP text model.
 
@@ -101,6 +109,8 @@ def read(
         for the vehicle frame, which is right only for a model that was aligned so.
     metres_per_unit : float
         Length of COLMAP's unit in metres.
+    nearest_rotation : bool
+        Take the nearest rotation for one that is off by up to 3e-2, as three printed digits leave it.
 
     Returns
     -------
@@ -119,8 +129,11 @@ def read(
     document = open_document(source, TITLE)
     pose = None
     if images is not None:
-        camera, pose = _choose_image(open_document(images, TITLE, argument="images"), image, camera)
-        pose = metric(pose, metres_per_unit) @ inverse(rigid_argument(vehicle_from_world, "vehicle_from_world"))
+        points = open_document(images, TITLE, argument="images")
+        camera, pose = _choose_image(points, image, camera, nearest_rotation)
+        pose = metric(pose, metres_per_unit) @ inverse(
+            rigid_argument(vehicle_from_world, "vehicle_from_world", nearest=nearest_rotation)
+        )
     elif image is not None or vehicle_from_world is not None:
         raise ArgumentError(
             "image, vehicle_from_world: expected images= with them, got None; pass the path of images.txt"
@@ -128,6 +141,9 @@ def read(
     line, words = _choose_camera(document, camera)
     where = f"{document.origin}: line {line}"
     model = words[1]
+    if model == "FOV" and words[8:] and not any(scalar(word) for word in words[8:]):
+        model = "PINHOLE"  # fx fy cx cy omega: with an angle of 0 it bends nothing
+        words = words[:8]
     if model not in _MODELS:
         mend = (
             "it has no lens model here; undistort with COLMAP, or calibrate with OPENCV or OPENCV_FISHEYE"
@@ -152,9 +168,9 @@ def read(
             lens = KannalaBrandt(coefficients)
         elif any(coefficients):
             lens = BrownConrady(coefficients)
-        return Camera(
-            pinhole(values[0], values[focal - 1], cx, cy), image_size=size, camera_from_vehicle=pose, lens=lens
-        )
+    return build(
+        where, pinhole(values[0], values[focal - 1], cx, cy), image_size=size, camera_from_vehicle=pose, lens=lens
+    )
 
 
 def _rows(text: str) -> list[tuple[int, list[str]]]:
@@ -171,6 +187,10 @@ def _value(words: list[str]) -> Any:
 
 def _choose_camera(document: Document, camera: int | str | None) -> tuple[int, list[str]]:
     cameras: dict[str, tuple[int, list[str]]] = {}
+    if document.data.count(b"\n") > _MOST_LINES:
+        raise CalibrationError(
+            f"{document.origin}: expected at most {_MOST_LINES} lines, got more; pass cameras.txt, the text model"
+        )
     for line, words in _rows(document.text):
         if len(words) < 2:
             raise CalibrationError(
@@ -193,7 +213,9 @@ def _choose_camera(document: Document, camera: int | str | None) -> tuple[int, l
     return cameras[str(camera)]
 
 
-def _choose_image(document: Document, image: int | str | None, camera: int | str | None) -> tuple[int | str, Matrix]:
+def _choose_image(
+    document: Document, image: int | str | None, camera: int | str | None, nearest: bool
+) -> tuple[int | str, Matrix]:
     """CAMERA_ID and (4, 4) camera_from_world of an image."""
     # Every second line lists points, and is empty for an image without any: comments go, empty lines count.
     lines = [(index, line) for index, line in enumerate(document.text.split("\n"), 1) if not line.startswith("#")]
@@ -219,5 +241,5 @@ def _choose_image(document: Document, image: int | str | None, camera: int | str
             f"{where}: camera: expected {words[8]!r:.40}, the image's own, got {camera!r:.60}; leave it out"
         )
     values = [scalar(word) for word in words[1:8]]
-    R = quaternion(values[:4], f"{where}: QW QX QY QZ", "wxyz")
+    R = quaternion(values[:4], f"{where}: QW QX QY QZ", "wxyz", nearest=nearest)
     return words[8], rigid(R, numbers(values[4:], f"{where}: TX TY TZ", 3))

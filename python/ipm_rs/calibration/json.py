@@ -26,16 +26,17 @@ from typing import Any
 from ipm_rs import _core
 from ipm_rs._core import Camera
 from ipm_rs.calibration._checks import Section, blame, image_size, number, numbers
-from ipm_rs.calibration._files import Document, Source, keys_missing, parse_json, read_json
+from ipm_rs.calibration._files import Document, Source, keys_missing, read_json
+from ipm_rs.calibration._jsontext import parse_json
 from ipm_rs.errors import ArgumentTypeError, CalibrationError
 from ipm_rs.files import as_path, atomically
 
-__all__ = ["TITLE", "missing", "read", "save", "to_json"]
+__all__ = ["KEYS", "TITLE", "missing", "read", "save", "to_json"]
 
 TITLE = "ipm_rs"
+KEYS = ("format", "version", "image_size", "intrinsics", "lens", "camera_from_vehicle")
 
 _FORMAT, _VERSION = "ipm_rs.Camera", 1
-_KEYS = ("format", "version", "image_size", "intrinsics", "lens", "camera_from_vehicle")
 
 # Arguments of each lens model, in the order of its constructor, and how many numbers each has: 0 for one plain number,
 # None for a list of any length, which the constructor checks.
@@ -76,14 +77,14 @@ def read(source: Source) -> Camera:
         place = Section(parse_json(source, "JSON text"), "JSON text")
     else:
         place = read_json(source, TITLE)
-    place.require(*_KEYS)
+    place.require(*KEYS)
     place.text("format", among=(_FORMAT,))
     version = place.whole("version", minimum=1)
     if version != _VERSION:
         raise CalibrationError(
             f"{place.where('version')}: expected {_VERSION}, got {version}; a newer ipm_rs wrote it, install that"
         )
-    place.only(*_KEYS)
+    place.only(*KEYS)
     size = place.numbers("image_size", 2, unit="pixels")
     with blame(place.origin):
         return Camera(

@@ -26,18 +26,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ipm_rs._core import BrownConrady, Camera, DoubleSphere, Eucm, KannalaBrandt, Mei
-from ipm_rs.calibration._checks import OPTICAL_FROM_FLU, Section, blame, inverse, listed, pinhole, rigid
-from ipm_rs.calibration._files import Document, Source, keys_missing, open_document, same_size
+from ipm_rs.calibration._camera import build
+from ipm_rs.calibration._checks import OPTICAL_FROM_FLU, Section, blame, coefficients, inverse, listed, pinhole, rigid
+from ipm_rs.calibration._files import Document, Source, open_document, same_size
+from ipm_rs.calibration._lenswords import FOREIGN, plain_word, refuse_foreign
 from ipm_rs.calibration._mount import rigid_argument
-from ipm_rs.calibration._yaml import parse_yaml
 from ipm_rs.errors import ArgumentError, CalibrationError
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-__all__ = ["missing", "read"]
+__all__ = ["KEYS", "missing", "read"]
 
 TITLE = "Kalibr camchain"
+KEYS = (
+    "cam0", "camera_model", "intrinsics", "distortion_model", "distortion_coeffs", "resolution", "T_cam_imu",
+    "T_cn_cnm1", "cam_overlaps", "rostopic",
+)  # fmt: skip
 
 _CAMERA = re.compile(r"cam([0-9]{1,3})")
 _MODELS = {"pinhole": 0, "omni": 1, "ds": 2, "eucm": 2}  # numbers before fu, fv, pu, pv
@@ -54,11 +59,18 @@ Matrix = NDArray[np.float64]
 
 def missing(document: Document) -> str | None:
     """Say what a document lacks to be of this format; None if nothing."""
-    if keys_missing(document, "value0.intrinsics") is None:
-        return "basalt's calibration.json, whose numbers stand in another order"
-    if re.search(r"^[ \t]*cam[0-9]+[ \t]*:", document.text, re.MULTILINE) is None:
+    if document.is_directory:
+        return "a directory"
+    tree = document.tree
+    if not isinstance(tree, Mapping):
         return "no section cam0"
-    return None if "camera_model" in document.text else "no key 'camera_model'"
+    if isinstance(tree.get("value0"), Mapping) and "intrinsics" in tree["value0"]:
+        return "basalt's calibration.json, whose numbers stand in another order"
+    cameras = [value for key, value in tree.items() if _CAMERA.fullmatch(key) and isinstance(value, Mapping)]
+    if not cameras:
+        return "no section cam0"
+    lacks = [key for key in ("camera_model", "intrinsics") if not any(key in value for value in cameras)]
+    return f"no key {', '.join(map(repr, lacks))} in cam0" if lacks else None
 
 
 @np.errstate(over="ignore", invalid="ignore")  # what becomes infinite, the camera refuses
@@ -69,6 +81,7 @@ def read(
     image_size: tuple[int, int] | None = None,
     vehicle_from_cam0: ArrayLike | None = None,
     vehicle_from_imu: ArrayLike | None = None,
+    nearest_rotation: bool = False,
 ) -> Camera:
     """Read one camera of a Kalibr chain.
 
@@ -85,6 +98,8 @@ def read(
     vehicle_from_imu : (4, 4) array, optional
         Pose of the IMU in the vehicle frame, for files with ``T_cam_imu``. An IMU's axes are rarely those of the
         vehicle, so it is never assumed.
+    nearest_rotation : bool
+        Take the nearest rotation for one that is off by up to 3e-2, as three printed digits leave it.
 
     Returns
     -------
@@ -103,12 +118,15 @@ def read(
         PyYAML is not installed.
     """
     chain = _content(source)
+    chain.nearest = nearest_rotation
     names = sorted((key for key in chain.content if isinstance(key, str) and _CAMERA.fullmatch(key)), key=_index)
     name = _choose(names, camera, chain.origin)
     section = chain.section(name)
     section.require("camera_model", "intrinsics", "distortion_model", "distortion_coeffs", "resolution")
     if section.value("distortion_coeffs") is None:  # an empty value instead of []
-        section = Section({**section.content, "distortion_coeffs": []}, section.origin, section.path)
+        section = Section(
+            {**section.content, "distortion_coeffs": []}, section.origin, section.path, nearest=nearest_rotation
+        )
     model = section.text("camera_model", among=tuple(_MODELS))
     values = section.numbers("intrinsics", 4 + _MODELS[model])
     own, (fu, fv, pu, pv) = values[:-4], values[-4:]
@@ -131,15 +149,16 @@ def read(
             lens = KannalaBrandt(coefficients)
         elif coefficients.any():
             lens = BrownConrady(coefficients)
-        return Camera(pinhole(fu, fv, pu, pv), image_size=size, camera_from_vehicle=pose, lens=lens)
+    return build(
+        f"{chain.origin}: {name}", pinhole(fu, fv, pu, pv), image_size=size, camera_from_vehicle=pose, lens=lens
+    )
 
 
 def _content(source: Source) -> Section:
     if isinstance(source, Mapping):
         return Section(source, f"{TITLE} calibration")
     document = open_document(source, TITLE, or_mapping=True)
-    content = parse_yaml(document.text, document.origin)
-    chain = Section(content, document.origin)
+    chain = Section(document.tree, document.origin)
     if "value0" in chain:
         raise CalibrationError(
             f"{document.origin}: expected a Kalibr camchain, got basalt's calibration.json, whose numbers stand in "
@@ -169,6 +188,10 @@ def _choose(names: list[str], camera: str | int | None, origin: str) -> str:
 
 def _distortion(section: Section, model: str) -> Matrix:
     kind = section.text("distortion_model")
+    terms = section.numbers("distortion_coeffs")
+    if len(terms) and not terms.any() and plain_word(kind) in FOREIGN:
+        refuse_foreign({"distortion_model": kind}, section.where(), bends=False, known="radtan or equidistant")
+        return np.zeros(0)
     if kind == "fov":
         raise CalibrationError(
             f"{section.where('distortion_model')}: expected radtan, equidistant or none, got 'fov', which has no "
@@ -181,7 +204,7 @@ def _distortion(section: Section, model: str) -> Matrix:
         )
     counts = _DISTORTIONS[model]
     section.text("distortion_model", among=tuple(counts))
-    return section.numbers("distortion_coeffs", counts[kind])
+    return coefficients(terms, section.where("distortion_coeffs"), (counts[kind],))
 
 
 def _pose(
@@ -197,11 +220,11 @@ def _pose(
                 f"{chain.where(name)}: expected T_cam_imu, which vehicle_from_imu= needs, missing; "
                 "pass vehicle_from_cam0="
             )
-        return camera_from_imu @ inverse(rigid_argument(vehicle_from_imu, "vehicle_from_imu"))
+        return camera_from_imu @ inverse(rigid_argument(vehicle_from_imu, "vehicle_from_imu", nearest=chain.nearest))
     if vehicle_from_cam0 is None:
         cam0_from_vehicle = rigid(OPTICAL_FROM_FLU, np.zeros(3))
     else:
-        cam0_from_vehicle = inverse(rigid_argument(vehicle_from_cam0, "vehicle_from_cam0"))
+        cam0_from_vehicle = inverse(rigid_argument(vehicle_from_cam0, "vehicle_from_cam0", nearest=chain.nearest))
     camera_from_cam0 = _camera_from_cam0(chain, names, name)
     return cam0_from_vehicle if camera_from_cam0 is None else camera_from_cam0 @ cam0_from_vehicle
 

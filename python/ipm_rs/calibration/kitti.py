@@ -37,14 +37,16 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from ipm_rs._core import Camera
-from ipm_rs.calibration._checks import OPTICAL_FROM_FLU, Matrix, Section, blame, describe, inverse, listed, rigid
+from ipm_rs.calibration._camera import build
+from ipm_rs.calibration._checks import OPTICAL_FROM_FLU, Matrix, Section, describe, inverse, listed, rigid
 from ipm_rs.calibration._files import Document, Source, needs_size, open_document
 from ipm_rs.calibration._lines import key_lines, lines_missing
 from ipm_rs.errors import ArgumentError, ArgumentTypeError, CalibrationError
 
-__all__ = ["TITLE", "Frame", "camera_number", "missing", "projection", "read"]
+__all__ = ["KEYS", "TITLE", "Frame", "camera_number", "missing", "projection", "read"]
 
 TITLE = "KITTI"
+KEYS = ("P0", "P1", "P2", "P3", "R0_rect", "Tr_velo_to_cam", "Tr_imu_to_velo", "Tr", "R_rect", "Tr_velo_cam")
 
 Frame = Literal["velodyne", "imu", "camera", "road"]
 
@@ -60,6 +62,7 @@ def read(
     camera: int | str = 2,
     image_size: Sequence[int] | None = None,
     frame: Frame = "velodyne",
+    nearest_rotation: bool = False,
 ) -> Camera:
     """Read a camera of a KITTI calibration file (object, tracking, odometry, road).
 
@@ -74,6 +77,8 @@ def read(
         1224x370.
     frame : {"velodyne", "imu", "camera", "road"}
         Which frame the camera's vehicle frame is; see the table above for each one's ``ground``.
+    nearest_rotation : bool
+        Take the nearest rotation for one that is off by up to 3e-2, as three printed digits leave it.
 
     Returns
     -------
@@ -95,16 +100,17 @@ def read(
         place = Section(source, f"{TITLE} calibration")
     else:
         place = key_lines(open_document(source, TITLE, or_mapping=True))
+    place.nearest = nearest_rotation
     K, offset = projection(place, f"P{index}")
     rectified_from_vehicle = _pose(place, frame)
     size = needs_size(image_size, place.origin, _SIZES)
-    with blame(place.origin):
-        return Camera(K, image_size=size, camera_from_vehicle=rigid(np.eye(3), offset) @ rectified_from_vehicle)
+    pose = rigid(np.eye(3), offset) @ rectified_from_vehicle
+    return build(place.where(f"P{index}"), K, image_size=size, camera_from_vehicle=pose)
 
 
 def missing(document: Document) -> str | None:
     """Say what a document lacks to be of this format."""
-    return lines_missing(document, "P0", "P1", "P2", "P3")
+    return lines_missing(document, *KEYS[:4])
 
 
 def projection(place: Section, key: str) -> tuple[Matrix, Matrix]:
@@ -148,6 +154,7 @@ def _pose(place: Section, frame: Frame) -> Matrix:
     optical_from_flu = rigid(OPTICAL_FROM_FLU, (0.0, 0.0, 0.0))
     if frame == "camera":
         return optical_from_flu
+    _require_frame(place, frame)
     if frame == "road":
         road_from_camera = place.pose("Tr_cam_to_road")
         return _rectification(place) @ inverse(road_from_camera) @ optical_from_flu
@@ -158,6 +165,15 @@ def _pose(place: Section, frame: Frame) -> Matrix:
     if frame == "velodyne":
         return rectified_from_velodyne
     return rectified_from_velodyne @ place.pose(_alias(place, "Tr_imu_to_velo", "Tr_imu_velo"))
+
+
+def _require_frame(place: Section, frame: Frame) -> None:
+    """Refuse a file without a way to the frame: odometry's often hold projection matrices alone."""
+    if not any(key.startswith("Tr") for key in place.content if isinstance(key, str)):
+        raise CalibrationError(
+            f"{place.origin}: expected Tr, or R0_rect and Tr_velo_to_cam, for frame={frame!r}, missing; add them, or "
+            'pass frame="camera" for the frame of the rectified camera 0, which needs neither'
+        )
 
 
 def _rectification(place: Section) -> Matrix:

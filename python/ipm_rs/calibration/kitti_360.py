@@ -25,14 +25,21 @@ from typing import Literal, get_args
 import numpy as np
 
 from ipm_rs._core import Camera, Mei
+from ipm_rs.calibration._camera import build
 from ipm_rs.calibration._checks import Matrix, Section, blame, image_size, inverse, pinhole, rigid
 from ipm_rs.calibration._files import Document, Source
 from ipm_rs.calibration._lines import Files, lines_missing, nested_lines
 from ipm_rs.calibration.kitti import camera_number, one_of, projection
 
-__all__ = ["TITLE", "Frame", "missing", "read"]
+__all__ = ["KEYS", "TITLE", "Frame", "missing", "read"]
 
 TITLE = "KITTI-360"
+KEYS = (
+    "S_rect_00", "R_rect_00", "P_rect_00", "mirror_parameters", "distortion_parameters", "projection_parameters", "xi",
+    "gamma1", "gamma2", "u0", "v0",
+)  # fmt: skip
+
+_FISHEYES = ("image_02", "image_03")
 
 Frame = Literal["velodyne", "pose"]
 
@@ -42,7 +49,9 @@ _FLU_FROM_POSE = np.diag([1.0, -1.0, -1.0, 1.0])
 
 
 @np.errstate(all="ignore")  # what overflows is for the camera to refuse, not for NumPy to warn of
-def read(source: Source, *, camera: int | str | None = None, frame: Frame = "velodyne") -> Camera:
+def read(
+    source: Source, *, camera: int | str | None = None, frame: Frame = "velodyne", nearest_rotation: bool = False
+) -> Camera:
     """Read a camera of a KITTI-360 calibration.
 
     Parameters
@@ -55,6 +64,8 @@ def read(source: Source, *, camera: int | str | None = None, frame: Frame = "vel
         ``image_0x.yaml`` given as `source`.
     frame : {"velodyne", "pose"}
         Which frame the camera's vehicle frame is; see above for each one's ``ground``.
+    nearest_rotation : bool
+        Take the nearest rotation for one that is off by up to 3e-2, as three printed digits leave it.
 
     Returns
     -------
@@ -71,10 +82,10 @@ def read(source: Source, *, camera: int | str | None = None, frame: Frame = "vel
         `camera` or `frame` is none of those above, or an argument has the wrong type.
     """
     frame = one_of("frame", frame, get_args(Frame))
-    files = Files(source, TITLE)
+    files = Files(source, TITLE, nearest=nearest_rotation)
     if camera is None:
         stem = files.document.path.stem if files.document else ""
-        camera = stem if stem in ("image_02", "image_03") else 0
+        camera = stem if stem in _FISHEYES else 0
     number = camera_number(camera, (0, 1, 2, 3))
     if number in (0, 1):
         place = files.section(_PERSPECTIVE)
@@ -88,8 +99,7 @@ def read(source: Source, *, camera: int | str | None = None, frame: Frame = "vel
         size, K, lens = _fisheye(place)
         rectification = np.eye(3)
     camera_from_vehicle = rigid(rectification, (0.0, 0.0, 0.0)) @ _pose(files, number, frame)
-    with blame(place.origin):
-        return Camera(K, image_size=size, camera_from_vehicle=camera_from_vehicle, lens=lens)
+    return build(place.origin, K, image_size=size, camera_from_vehicle=camera_from_vehicle, lens=lens)
 
 
 def missing(document: Document) -> str | None:
@@ -98,8 +108,14 @@ def missing(document: Document) -> str | None:
         absent = [name for name in (_PERSPECTIVE, _TO_POSE) if not (document.path / name).is_file()]
         return f"no {' and no '.join(absent)} in it" if absent else None
     if document.path.suffix == ".yaml":
-        return lines_missing(document, "mirror_parameters", "distortion_parameters", "projection_parameters")
-    lacks = lines_missing(document, "S_rect_00", "R_rect_00", "P_rect_00")
+        lacks = lines_missing(document, "mirror_parameters", "distortion_parameters", "projection_parameters")
+        if lacks is None and document.path.stem not in _FISHEYES:
+            lacks = f"another file's name than {' and '.join(_FISHEYES)}"
+        # The same lens file comes with other tools (camodocal), alone.
+        if lacks is None and not document.path.with_name(_TO_POSE).is_file():
+            lacks = f"no {_TO_POSE} beside it"
+        return lacks
+    lacks = lines_missing(document, *KEYS[:3])
     if lacks is None and lines_missing(document, "P_rect_02") is None:
         lacks = "a line P_rect_02:, so KITTI's raw data"
     return lacks

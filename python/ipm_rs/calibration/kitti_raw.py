@@ -26,14 +26,25 @@ from typing import Literal, get_args
 import numpy as np
 
 from ipm_rs._core import BrownConrady, Camera
-from ipm_rs.calibration._checks import OPTICAL_FROM_FLU, Matrix, Section, blame, image_size, inverse, rigid
+from ipm_rs.calibration._camera import build
+from ipm_rs.calibration._checks import (
+    OPTICAL_FROM_FLU,
+    Matrix,
+    Section,
+    blame,
+    coefficients,
+    image_size,
+    inverse,
+    rigid,
+)
 from ipm_rs.calibration._files import Document, Source
 from ipm_rs.calibration._lines import Files, lines_missing
 from ipm_rs.calibration.kitti import camera_number, one_of, projection
 
-__all__ = ["TITLE", "Frame", "missing", "read"]
+__all__ = ["KEYS", "TITLE", "Frame", "missing", "read"]
 
 TITLE = "KITTI raw"
+KEYS = ("R_rect_00", "P_rect_00", "K_00", "P_rect_02", "S_00", "D_00", "R_00", "T_00", "S_rect_00")
 
 Frame = Literal["velodyne", "imu", "camera"]
 
@@ -41,7 +52,14 @@ _CAMERAS, _VELODYNE, _IMU = "calib_cam_to_cam.txt", "calib_velo_to_cam.txt", "ca
 
 
 @np.errstate(all="ignore")  # what overflows is for the camera to refuse, not for NumPy to warn of
-def read(source: Source, *, camera: int | str = 2, rectified: bool = True, frame: Frame = "velodyne") -> Camera:
+def read(
+    source: Source,
+    *,
+    camera: int | str = 2,
+    rectified: bool = True,
+    frame: Frame = "velodyne",
+    nearest_rotation: bool = False,
+) -> Camera:
     """Read a camera of a KITTI raw calibration.
 
     Parameters
@@ -55,6 +73,8 @@ def read(source: Source, *, camera: int | str = 2, rectified: bool = True, frame
         The camera of the rectified images, a pinhole; False: of the raw images, with their lens.
     frame : {"velodyne", "imu", "camera"}
         Which frame the camera's vehicle frame is; see above for each one's ``ground``.
+    nearest_rotation : bool
+        Take the nearest rotation for one that is off by up to 3e-2, as three printed digits leave it.
 
     Returns
     -------
@@ -72,7 +92,7 @@ def read(source: Source, *, camera: int | str = 2, rectified: bool = True, frame
     """
     frame = one_of("frame", frame, get_args(Frame))
     name = f"{camera_number(camera, (0, 1, 2, 3)):02d}"
-    files = Files(source, TITLE)
+    files = Files(source, TITLE, nearest=nearest_rotation)
     cameras = files.section(_CAMERAS)
     rectification = rigid(cameras.rotation("R_rect_00"), (0.0, 0.0, 0.0))
     camera0_from_vehicle = _pose(files, frame, rectification)
@@ -86,16 +106,16 @@ def read(source: Source, *, camera: int | str = 2, rectified: bool = True, frame
         K = cameras.matrix(f"K_{name}", (3, 3))
         pose = _transform(cameras, f"R_{name}", f"T_{name}") @ camera0_from_vehicle
         with blame(cameras.where(f"D_{name}")):
-            lens = BrownConrady(cameras.numbers(f"D_{name}", 5))
-    with blame(cameras.origin):
-        return Camera(K, image_size=size, camera_from_vehicle=pose, lens=lens)
+            lens = BrownConrady(coefficients(cameras.value(f"D_{name}"), cameras.where(f"D_{name}"), (5,)))
+    where = cameras.where(f"P_rect_{name}" if rectified else f"K_{name}")
+    return build(where, K, image_size=size, camera_from_vehicle=pose, lens=lens)
 
 
 def missing(document: Document) -> str | None:
     """Say what a document lacks to be of this format."""
     if document.is_directory:
         return None if (document.path / _CAMERAS).is_file() else f"no {_CAMERAS} in it"
-    return lines_missing(document, "R_rect_00", "P_rect_00", "K_00", "P_rect_02")
+    return lines_missing(document, *KEYS[:4])
 
 
 def _pose(files: Files, frame: Frame, rectification: Matrix) -> Matrix:

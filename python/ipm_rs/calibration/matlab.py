@@ -26,13 +26,16 @@ from typing import Any
 import numpy as np
 
 from ipm_rs._core import BrownConrady, Camera
-from ipm_rs.calibration._checks import Section, blame, describe, matrix, number, numbers, pinhole
+from ipm_rs.calibration._camera import build
+from ipm_rs.calibration._checks import Section, blame, coefficients, describe, matrix, number, numbers, pinhole
 from ipm_rs.calibration._files import Document, Source, read_json, same_size
+from ipm_rs.calibration._lenswords import refuse_foreign
 from ipm_rs.errors import CalibrationError
 
-__all__ = ["missing", "read"]
+__all__ = ["KEYS", "missing", "read"]
 
 TITLE = "MATLAB monoCamera"
+KEYS = ("ImageSize", "FocalLength", "PrincipalPoint", "IntrinsicMatrix", "RadialDistortion", "SensorLocation")
 
 _KNOWN = (
     "intrinsics focallength principalpoint imagesize skew k intrinsicmatrix radialdistortion tangentialdistortion "
@@ -48,11 +51,15 @@ def missing(document: Document) -> str | None:
         return "not JSON"
     if not isinstance(content, Mapping):
         return "no JSON object"
-    names = {str(key).lower() for key in content}
+    keys = {str(key) for key in content}
     inner = [value for key, value in content.items() if str(key).lower() == "intrinsics"]
-    names |= {str(key).lower() for value in inner if isinstance(value, Mapping) for key in value}
+    keys |= {str(key) for value in inner if isinstance(value, Mapping) for key in value}
+    names = {key.lower().removesuffix("_deg") for key in keys}
     if "imagesize" not in names or not names & {"focallength", "intrinsicmatrix"}:
         return "no ImageSize with FocalLength or IntrinsicMatrix"
+    # Written otherwise than MATLAB does, [rows columns] and pixels from 1 would be a guess without its monoCamera.
+    if not keys & {"ImageSize", "IntrinsicMatrix"} and "pitch" not in names:
+        return "no Height and Pitch"
     return None
 
 
@@ -102,11 +109,20 @@ def read(source: Source, *, image_size: tuple[int, int] | None = None) -> Camera
         math.radians(number(*values[key], unit="degrees")) if key in values else 0.0 for key in ("roll", "pitch", "yaw")
     )
     K = _intrinsics(values, content.origin)
-    lens = _lens(values)
     with blame(content.origin):
-        return Camera.from_euler(
-            K, image_size=size, position=(x, y, height), roll=roll, pitch=pitch, yaw=yaw, lens=lens
-        )
+        lens = _lens(values)
+    refuse_foreign(content.content, content.origin, bends=lens is not None)
+    return build(
+        content.origin,
+        K,
+        make=Camera.from_euler,
+        image_size=size,
+        position=(x, y, height),
+        roll=roll,
+        pitch=pitch,
+        yaw=yaw,
+        lens=lens,
+    )
 
 
 def _collect(content: Section) -> dict[str, tuple[Any, str]]:
@@ -165,8 +181,8 @@ def _intrinsics(values: dict[str, tuple[Any, str]], origin: str) -> np.ndarray[A
 
 
 def _lens(values: dict[str, tuple[Any, str]]) -> BrownConrady | None:
-    radial = numbers(*values["radialdistortion"], (2, 3)) if "radialdistortion" in values else np.zeros(2)
+    radial = coefficients(*values["radialdistortion"], (2, 3)) if "radialdistortion" in values else np.zeros(2)
     tangential = numbers(*values["tangentialdistortion"], 2) if "tangentialdistortion" in values else np.zeros(2)
     k3 = radial[2] if len(radial) == 3 else 0.0
-    coefficients = [*radial[:2], *tangential, k3]
-    return BrownConrady(coefficients) if any(coefficients) else None
+    terms = [*radial[:2], *tangential, k3]
+    return BrownConrady(terms) if any(terms) else None

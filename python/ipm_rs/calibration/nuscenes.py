@@ -29,13 +29,17 @@ from typing import Any
 import numpy as np
 
 from ipm_rs._core import BrownConrady, Camera
+from ipm_rs.calibration._camera import build
 from ipm_rs.calibration._checks import Section, blame, describe, listed, rigid
 from ipm_rs.calibration._files import Document, keys_missing, needs_size, open_document
+from ipm_rs.calibration._lenswords import refuse_foreign
+from ipm_rs.calibration._sections import choose
 from ipm_rs.errors import ArgumentError, ArgumentTypeError, CalibrationError
 
-__all__ = ["TITLE", "missing", "read"]
+__all__ = ["KEYS", "TITLE", "missing", "read"]
 
 TITLE = "nuScenes"
+KEYS = ("translation", "rotation", "camera_intrinsic", "sensor_token", "camera_distortion", "token")
 
 _KEYS = ("translation", "rotation", "camera_intrinsic")
 _LYFT_TOKEN_LENGTH = 64
@@ -49,13 +53,15 @@ def read(
     camera: str | None = None,
     image_size: Sequence[int] | None = None,
     sensors: str | os.PathLike[str] | Sequence[Mapping[str, Any]] | None = None,
+    nearest_rotation: bool = False,
 ) -> Camera:
     """Read a camera of nuScenes, Lyft Level 5 or nuImages.
 
     Parameters
     ----------
     source : path, sequence or mapping
-        ``calibrated_sensor.json`` or its directory; or the table as a list of records; or one record.
+        ``calibrated_sensor.json`` or its directory; or the table as a list of records; or one record; or a mapping of
+        names to records.
     camera : str, optional
         Which record: its ``token`` (what ``sample_data`` calls ``calibrated_sensor_token``), the name of its sensor
         ("CAM_FRONT") or its ``sensor_token``. Over a whole dataset a name fits hundreds of records that differ, which
@@ -64,6 +70,8 @@ def read(
         Width and height in pixels. 1600 x 900 if not given, except for Lyft, which has two sizes.
     sensors : path or sequence, optional
         ``sensor.json`` or its list of records, for names; if not given, the file of this name beside `source`.
+    nearest_rotation : bool
+        Take the nearest rotation for one that is off by up to 3e-2, as three printed digits leave it.
 
     Returns
     -------
@@ -81,6 +89,7 @@ def read(
         `camera` fits no record, several that differ, or was not given for a table; an argument has the wrong type.
     """
     place = _record(source, camera, sensors)
+    place.nearest = nearest_rotation
     place.require(*_KEYS)
     if _no_camera(place.content):
         raise CalibrationError(
@@ -93,10 +102,8 @@ def read(
     tokens = [place.content.get(key) for key in ("token", "sensor_token")]
     if image_size is None and any(isinstance(token, str) and len(token) == _LYFT_TOKEN_LENGTH for token in tokens):
         needs_size(image_size, place.origin, "Lyft's images are 1224x1024 or 1920x1080: take the image's")
-    with blame(place.where()):
-        return Camera(
-            K, image_size=(1600, 900) if image_size is None else image_size, vehicle_from_camera=rigid(R, t), lens=lens
-        )
+    size = (1600, 900) if image_size is None else image_size
+    return build(place.where(), K, image_size=size, vehicle_from_camera=rigid(R, t), lens=lens)
 
 
 def missing(document: Document) -> str | None:
@@ -107,6 +114,8 @@ def missing(document: Document) -> str | None:
         first = document.json[0] if document.json else None
         complete = isinstance(first, Mapping) and all(key in first for key in _KEYS)
         return None if complete else f"no list of records with {', '.join(_KEYS)}"
+    if document.is_json and _by_name(document.json):
+        return None
     return keys_missing(document, *_KEYS)
 
 
@@ -115,7 +124,7 @@ def _lens(place: Section) -> BrownConrady | None:
     if place.content.get("camera_distortion") is None:
         return None
     values = place.numbers("camera_distortion", (0, 4, 5, 6))
-    if not len(values):
+    if not len(values) or refuse_foreign(place.content, place.where(), bends=bool(values.any())):
         return None
     if len(values) == 6 and values[5] != 0:
         raise CalibrationError(
@@ -137,6 +146,9 @@ def _record(source: Any, camera: Any, sensors: Any) -> Section:
         origin, content = document.origin, document.json
     if camera is not None and not isinstance(camera, str):
         raise ArgumentTypeError(f"camera: expected a token or a name, got {describe(camera)}; pass text: 'CAM_FRONT'")
+    if isinstance(content, Mapping) and (records := _by_name(content)):
+        name = choose(records, camera, origin)
+        return Section(records[name], origin, name)
     if isinstance(content, Mapping):
         if camera is not None and camera not in (_text(content, "token"), _text(content, "sensor_token")):
             raise ArgumentError(f"camera: expected none for one record, got {camera!r}; drop it")
@@ -188,6 +200,16 @@ def _text(record: Mapping[str, Any], key: str) -> str | None:
 def _no_camera(record: Mapping[str, Any]) -> bool:
     K = record.get("camera_intrinsic")
     return isinstance(K, (list, tuple)) and not K
+
+
+def _by_name(content: Any) -> dict[str, Any]:
+    """Return the cameras of a mapping of names to records; empty where it is something else."""
+    if not isinstance(content, Mapping) or any(key in content for key in _KEYS):
+        return {}
+    found = {str(key): value for key, value in content.items() if isinstance(value, Mapping)}
+    return {
+        name: value for name, value in found.items() if all(key in value for key in _KEYS) and not _no_camera(value)
+    }
 
 
 def _names(sensors: Any, beside: Path | None) -> dict[str, str]:

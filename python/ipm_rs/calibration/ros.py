@@ -9,6 +9,7 @@ The format, after ``sensor_msgs/CameraInfo`` and REP-104:
   for they may be either.
 * ``P[:, 3]`` is the place of a right stereo camera: ``P[0, 3] = -fx' B``. P takes points of the left camera's rectified
   frame, and so the pose of the left camera is the one to give.
+* A dump of ``ros2 topic echo`` or ``rostopic echo`` (``k d r p``, ``K D R P``) is read as the message that it shows.
 * A camera whose K is zero is uncalibrated.
 * ``binning_x, binning_y`` and ``roi`` change the image that is published; the matrices stay those of the full one.
 * Frames end in ``_optical``: x right, y down, z forward. Pixel (0, 0) is a pixel's centre. The pose is not in the file
@@ -26,45 +27,33 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ipm_rs._core import BrownConrady, Camera, KannalaBrandt
-from ipm_rs.calibration._checks import Section, blame, describe, numbers, rigid
-from ipm_rs.calibration._files import Document, open_document, same_size
-from ipm_rs.calibration._filestorage import plain
-from ipm_rs.calibration._mount import mounted
-from ipm_rs.calibration._rosini import looks_like_ini, parse_ini
-from ipm_rs.calibration._yaml import parse_yaml
-from ipm_rs.errors import ArgumentError, ArgumentTypeError, CalibrationError
+from ipm_rs.calibration._camera import build
+from ipm_rs.calibration._checks import Section, blame, coefficients, numbers, rigid
+from ipm_rs.calibration._files import Document, same_size
+from ipm_rs.calibration._lenswords import refuse_foreign
+from ipm_rs.calibration._mount import metric, mounted
+from ipm_rs.calibration._rosinfo import KEYS, TITLE, content_of, lacks
+from ipm_rs.errors import ArgumentError, CalibrationError
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-__all__ = ["missing", "read"]
+__all__ = ["KEYS", "TITLE", "missing", "read"]
 
-TITLE = "ROS CameraInfo"
-
-# Names in the files, in a message of ROS 1, in a message of ROS 2.
-_NAMES = {
-    "width": ("image_width", "width"),
-    "height": ("image_height", "height"),
-    "K": ("camera_matrix", "K", "k"),
-    "D": ("distortion_coefficients", "D", "d"),
-    "R": ("rectification_matrix", "R", "r"),
-    "P": ("projection_matrix", "P", "p"),
+# All but the last are OpenCV's one formula, in which terms that are not there are 0.
+_COUNTS = {
+    "plumb_bob": (5, 4),
+    "rational_polynomial": (8, 12, 14),
+    "equidistant": (4,),
+    "fisheye": (4,),
 }
-_COUNTS = {"plumb_bob": (5, 4), "rational_polynomial": (8, 12, 14), "equidistant": (4,), "fisheye": (4,)}
 
 Matrix = NDArray[np.float64]
 
 
 def missing(document: Document) -> str | None:
     """Say what a document lacks to be of this format; None if nothing."""
-    text = document.text
-    if looks_like_ini(text):
-        return None if "camera matrix" in text else "no 'camera matrix'"
-    # OpenCV's files share camera_matrix; these keys they lack.
-    words = ("projection_matrix", "rectification_matrix", "distortion_model")
-    if "image_width" in text and any(word in text for word in words) and not text.startswith("%YAML:"):
-        return None
-    return "no [image] section, and no image_width with projection_matrix"
+    return "a directory" if document.is_directory else lacks(document)
 
 
 @np.errstate(over="ignore", invalid="ignore")  # what becomes infinite, the camera refuses
@@ -77,14 +66,17 @@ def read(
     camera_from_vehicle: ArrayLike | None = None,
     vehicle_from_camera: ArrayLike | None = None,
     ros_binning: bool = False,
+    metres_per_unit: float | None = None,
+    nearest_rotation: bool = False,
 ) -> Camera:
     """Read a ROS camera calibration.
 
     Parameters
     ----------
     source : str, path, mapping or message
-        A YAML file (needs the extra ``yaml``), an INI file, the content of either as a mapping, or a
-        ``sensor_msgs/CameraInfo`` message of ROS 1 or 2.
+        A YAML file (needs the extra ``yaml``), an INI file, a dump of ``ros2 topic echo`` or ``rostopic echo``, JSON
+        with a message's fields, the content of any of them as a mapping, or a ``sensor_msgs/CameraInfo`` message of ROS
+        1 or 2. Of a dump of several messages, all must have the same calibration.
     image : "raw" or "rectified"
         Whether the images are as the sensor gave them (K and D), or went through ``image_proc`` (P and R).
     camera : str, optional
@@ -97,6 +89,11 @@ def read(
     ros_binning : bool
         Whether binning by b moves the principal point to c / b, as ROS's image_geometry does, in place of the exact
         (c + 0.5) / b - 0.5.
+    metres_per_unit : float, optional
+        Length in metres of the unit of P's fourth column, the stereo offset: 0.001 where the board was measured in
+        millimetres. Without it it is metres, if the offset is no longer than 20.
+    nearest_rotation : bool
+        Take the nearest rotation for an R that is off by up to 3e-2, as three printed digits leave it.
 
     Returns
     -------
@@ -116,7 +113,8 @@ def read(
     """
     if not isinstance(image, str) or image not in ("raw", "rectified"):
         raise ArgumentError(f"image: expected 'raw' or 'rectified', got {image!r:.60}; say which images will be warped")
-    section = _content(source, camera)
+    section = content_of(source, camera)
+    section.nearest = nearest_rotation
     section.require("width", "height", *(("R", "P") if image == "rectified" else ("K", "D")))
     full = section.image_size("width", "height")
     pose = mounted(camera_from_vehicle, vehicle_from_camera)
@@ -134,81 +132,10 @@ def read(
                 "these have 0 and 1; check their order"
             )
         offset = rigid(np.eye(3), np.asarray(np.linalg.solve(K, P[:, 3]), dtype=np.float64))
-        pose = offset @ rigid(section.rotation("R"), np.zeros(3)) @ pose
+        pose = metric(offset, metres_per_unit, section.where("P")) @ rigid(section.rotation("R"), np.zeros(3)) @ pose
     K, size = _published(section, K, full, ros_binning)
     same_size(image_size, size, section.origin)
-    with blame(section.origin):
-        return Camera(K, image_size=size, camera_from_vehicle=pose, lens=lens)
-
-
-def _content(source: Any, camera: str | None) -> Section:
-    """Content under our names K, D, R, P, width, height, whatever the source calls them."""
-    origin = f"{TITLE} calibration"
-    content: Any
-    if isinstance(source, Mapping):
-        content = source
-    elif all(hasattr(source, name) for name in ("width", "height", "distortion_model", "binning_x", "roi")):
-        origin, content = "CameraInfo message", _from_message(source)
-    else:
-        if not isinstance(source, (str, os.PathLike)):
-            raise ArgumentTypeError(
-                f"source: expected a path, a mapping or a CameraInfo message, got {type(source).__name__}; "
-                "pass the file's name"
-            )
-        document = open_document(source, TITLE, or_mapping=True)
-        origin, text = document.origin, document.text
-        if looks_like_ini(text):
-            content = parse_ini(text, origin, camera)
-            camera = None
-        else:
-            content = parse_yaml(text, origin)
-            if not isinstance(content, dict):
-                raise CalibrationError(
-                    f"{origin}: expected keys such as camera_matrix, got {describe(content)}; "
-                    "pass the camera's YAML file"
-                )
-    if camera is not None and (not isinstance(camera, str) or content.get("camera_name") != camera):
-        raise ArgumentError(
-            f"{origin}: camera: expected {content.get('camera_name')!r:.60}, the only one there, got {camera!r:.60}; "
-            "leave it out"
-        )
-    # Matrices are written as {rows, cols, data}; a message has plain lists.
-    content = plain(content, origin)
-    return _Named({ours: name for ours in _NAMES for name in _NAMES[ours] if name in content}, content, origin)
-
-
-class _Named(Section):
-    """A section with our keys, which says in messages how the file calls them."""
-
-    def __init__(self, names: Mapping[str, str], content: Mapping[str, Any], origin: str) -> None:
-        self.names = names
-        super().__init__({**content, **{ours: content[name] for ours, name in names.items()}}, origin)
-
-    def where(self, key: str = "") -> str:
-        return super().where(self.names.get(key, _NAMES[key][0] if key in _NAMES else key))
-
-    def require(self, *keys: str) -> None:
-        missing = [_NAMES[key][0] if key in _NAMES else key for key in keys if key not in self.content]
-        if missing:
-            raise CalibrationError(
-                f"{self.origin}: expected the keys {', '.join(_NAMES[key][0] for key in keys if key in _NAMES)}, "
-                f"missing {', '.join(missing)}; pass the calibration file that camera_calibration wrote"
-            )
-
-
-def _from_message(message: Any) -> dict[str, Any]:
-    """Fields of a message, whose arrays may be NumPy's or of the array module."""
-    names = ["width", "height", "distortion_model", "binning_x", "binning_y"]
-    names += [name for pair in "KDRP" for name in (pair, pair.lower())]
-    content = {name: getattr(message, name) for name in names if hasattr(message, name)}
-    for name, value in content.items():
-        if name.upper() in "KDRP":
-            content[name] = list(value)
-    roi = message.roi
-    content["roi"] = {
-        name: getattr(roi, name) for name in ("x_offset", "y_offset", "width", "height") if hasattr(roi, name)
-    }
-    return content
+    return build(section.where("K" if image == "raw" else "P"), K, image_size=size, camera_from_vehicle=pose, lens=lens)
 
 
 def _calibrated(section: Section, key: str, K: Matrix) -> Matrix:
@@ -222,23 +149,26 @@ def _calibrated(section: Section, key: str, K: Matrix) -> Matrix:
 
 def _lens(section: Section) -> BrownConrady | KannalaBrandt | None:
     D = section.value("D")
-    coefficients = numbers(D.ravel() if isinstance(D, np.ndarray) else D, section.where("D"))
+    terms = numbers(D.ravel() if isinstance(D, np.ndarray) else D, section.where("D"))
+    known = "plumb_bob, rational_polynomial or equidistant"
+    if refuse_foreign(section.content, section.origin, bends=bool(terms.any()), known=known):
+        return None
     model = section.content.get("distortion_model")
     if model in (None, "", "none"):
-        if not coefficients.any():
+        if not terms.any():
             return None
-        if model == "none" or len(coefficients) != 5:
+        if model == "none" or len(terms) != 5:
             raise CalibrationError(
-                f"{section.where('distortion_model')}: expected a model for {len(coefficients)} coefficients, "
+                f"{section.where('distortion_model')}: expected a model for {len(terms)} coefficients, "
                 f"got {model!r}; write plumb_bob, rational_polynomial or equidistant"
             )
         model = "plumb_bob"
     else:
         model = section.text("distortion_model", among=tuple(_COUNTS))
-    coefficients = numbers(coefficients, f"{section.where('D')} ({model})", _COUNTS[model])
+    terms = coefficients(terms, f"{section.where('D')} ({model})", _COUNTS[model])
     if model in ("equidistant", "fisheye"):
-        return KannalaBrandt(coefficients)
-    return BrownConrady(coefficients) if coefficients.any() else None
+        return KannalaBrandt(terms)
+    return BrownConrady(terms) if terms.any() else None
 
 
 def _published(section: Section, K: Matrix, full: tuple[int, int], ros_binning: bool) -> tuple[Matrix, tuple[int, int]]:

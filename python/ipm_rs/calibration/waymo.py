@@ -23,13 +23,16 @@ from typing import Any
 import numpy as np
 
 from ipm_rs._core import BrownConrady, Camera
+from ipm_rs.calibration._camera import build
 from ipm_rs.calibration._checks import OPTICAL_FROM_FLU, Section, blame, describe, listed, pinhole, pose, rigid
 from ipm_rs.calibration._files import Document, open_document
+from ipm_rs.calibration._lenswords import refuse_foreign
 from ipm_rs.errors import ArgumentError, ArgumentTypeError, CalibrationError
 
-__all__ = ["TITLE", "missing", "read"]
+__all__ = ["KEYS", "TITLE", "missing", "read"]
 
 TITLE = "Waymo"
+KEYS = ("intrinsic", "extrinsic", "width", "height", "cameraCalibrations", "camera_calibrations", "transform")
 
 _NAMES = ("UNKNOWN", "FRONT", "FRONT_LEFT", "FRONT_RIGHT", "SIDE_LEFT", "SIDE_RIGHT")
 _LISTS = ("cameraCalibrations", "camera_calibrations")
@@ -39,7 +42,7 @@ _NAME_COLUMN = "key.camera_name"
 
 
 @np.errstate(all="ignore")  # what overflows is for the camera to refuse, not for NumPy to warn of
-def read(source: Any, *, camera: str | int | None = None) -> Camera:
+def read(source: Any, *, camera: str | int | None = None, nearest_rotation: bool = False) -> Camera:
     """Read a camera of the Waymo Open Dataset.
 
     Parameters
@@ -49,6 +52,8 @@ def read(source: Any, *, camera: str | int | None = None) -> Camera:
         ``CameraCalibration`` message, or a list of these.
     camera : str or int, optional
         The name, "FRONT", or its number; not needed for one calibration.
+    nearest_rotation : bool
+        Take the nearest rotation for one that is off by up to 3e-2, as three printed digits leave it.
 
     Returns
     -------
@@ -65,9 +70,10 @@ def read(source: Any, *, camera: str | int | None = None) -> Camera:
         There is no such camera, or it was not given for several; an argument has the wrong type.
     """
     place = _plain(_choose(source, camera))
+    place.nearest = nearest_rotation
     place.require("intrinsic", "extrinsic", "width", "height")
     where = place.where("intrinsic")
-    f_u, f_v, c_u, c_v, *coefficients = (float(value) for value in place.numbers("intrinsic", 9))
+    f_u, f_v, c_u, c_v, *terms = (float(value) for value in place.numbers("intrinsic", 9))
     for value, key in ((f_u, "f_u"), (f_v, "f_v")):
         if value <= 0:
             raise CalibrationError(
@@ -77,15 +83,19 @@ def read(source: Any, *, camera: str | int | None = None) -> Camera:
     vehicle_from_sensor = (
         place.section("extrinsic").pose("transform")
         if isinstance(extrinsic, Mapping)
-        else pose(extrinsic, place.where("extrinsic"))
+        else pose(extrinsic, place.where("extrinsic"), nearest=nearest_rotation)
     )
+    if refuse_foreign(place.content, place.where(), bends=any(terms)):
+        terms = [0.0] * 5
     with blame(place.where()):
-        return Camera(
-            pinhole(f_u, f_v, c_u, c_v),
-            image_size=place.image_size("width", "height"),
-            vehicle_from_camera=vehicle_from_sensor @ rigid(OPTICAL_FROM_FLU.T, (0.0, 0.0, 0.0)),
-            lens=BrownConrady(coefficients),
-        )
+        lens = BrownConrady(terms)
+    return build(
+        where,
+        pinhole(f_u, f_v, c_u, c_v),
+        image_size=place.image_size("width", "height"),
+        vehicle_from_camera=vehicle_from_sensor @ rigid(OPTICAL_FROM_FLU.T, (0.0, 0.0, 0.0)),
+        lens=lens,
+    )
 
 
 def missing(document: Document) -> str | None:
@@ -102,8 +112,12 @@ def missing(document: Document) -> str | None:
     if f"{_PREFIX}intrinsic.f_u" in content:
         return None
     lacks = [repr(key) for key in ("intrinsic", "extrinsic", "width", "height") if key not in content]
-    if not lacks and not isinstance(content["intrinsic"], list):
-        lacks = ["'intrinsic' with a list"]
+    if not lacks:
+        values = content["intrinsic"]
+        if not isinstance(values, list) or any(isinstance(value, (list, dict)) for value in values):
+            return "no list f_u f_v c_u c_v k1 k2 p1 p2 k3 under 'intrinsic'"
+        if len(values) == 9 and values[1] == values[3] == values[6] == values[7] == 0:
+            return "a 3x3 matrix under 'intrinsic'"
     return f"no key {', '.join(lacks)}" if lacks else None
 
 

@@ -18,13 +18,20 @@ from __future__ import annotations
 import numpy as np
 
 from ipm_rs._core import Camera, RadialPolynomial
+from ipm_rs.calibration._camera import build
 from ipm_rs.calibration._checks import blame, rigid
 from ipm_rs.calibration._files import Document, Source, keys_missing, read_json, same_size
 from ipm_rs.errors import CalibrationError
 
-__all__ = ["missing", "read"]
+__all__ = ["KEYS", "missing", "read"]
 
 TITLE = "WoodScape"
+KEYS = (
+    "extrinsic", "intrinsic", "quaternion", "translation", "poly_order", "k1", "k2", "k3", "k4", "cx_offset",
+    "cy_offset", "aspect_ratio",
+)  # fmt: skip
+
+_LEAST_FOCAL = 0.01  # of the width: a fisheye of 180 degrees has 0.3
 
 
 def missing(document: Document) -> str | None:
@@ -36,7 +43,7 @@ def missing(document: Document) -> str | None:
     return None if isinstance(intrinsic, dict) and "poly_order" in intrinsic else "no key 'poly_order' in intrinsic"
 
 
-def read(source: Source, *, image_size: tuple[int, int] | None = None) -> Camera:
+def read(source: Source, *, image_size: tuple[int, int] | None = None, nearest_rotation: bool = False) -> Camera:
     """Read a WoodScape camera.
 
     Parameters
@@ -45,6 +52,8 @@ def read(source: Source, *, image_size: tuple[int, int] | None = None) -> Camera
         A JSON file of the dataset, or its content as a mapping.
     image_size : (int, int), optional
         Width and height in pixels. The file says it; if given it must agree.
+    nearest_rotation : bool
+        Take the nearest rotation for one that is off by up to 3e-2, as three printed digits leave it.
 
     Returns
     -------
@@ -61,6 +70,7 @@ def read(source: Source, *, image_size: tuple[int, int] | None = None) -> Camera
         `source` is neither a path nor a mapping.
     """
     content = read_json(source, TITLE)
+    content.nearest = nearest_rotation
     content.require("extrinsic", "intrinsic")
     extrinsic, intrinsic = content.section("extrinsic"), content.section("intrinsic")
     extrinsic.require("quaternion", "translation")
@@ -79,11 +89,14 @@ def read(source: Source, *, image_size: tuple[int, int] | None = None) -> Camera
     cy = size[1] / 2 - 0.5 + intrinsic.number("cy_offset", unit="pixels")
     aspect = intrinsic.number("aspect_ratio", positive=True)
     coefficients = [intrinsic.number(key, unit="pixels") for key in ("k1", "k2", "k3", "k4")]
+    if coefficients[0] < _LEAST_FOCAL * size[0]:
+        raise CalibrationError(
+            f"{intrinsic.where('k1')}: expected k1 to k4 in pixels, k1 near the focal length, got k1 = "
+            f"{coefficients[0]:g} for an image {size[0]} pixels wide; k1 to k4 of cv2.fisheye have no unit: build "
+            "Camera(K, image_size=..., lens=KannalaBrandt([k1, k2, k3, k4])) with the focal lengths in K"
+        )
     pose = rigid(extrinsic.quaternion("quaternion", "xyzw"), extrinsic.numbers("translation", 3, unit="metres"))
     with blame(content.origin):
-        return Camera(
-            np.array([[1.0, 0.0, cx], [0.0, aspect, cy], [0.0, 0.0, 1.0]]),
-            image_size=size,
-            vehicle_from_camera=pose,
-            lens=RadialPolynomial(coefficients),
-        )
+        lens = RadialPolynomial(coefficients)
+    K = np.array([[1.0, 0.0, cx], [0.0, aspect, cy], [0.0, 0.0, 1.0]])
+    return build(content.origin, K, image_size=size, vehicle_from_camera=pose, lens=lens)

@@ -1,0 +1,123 @@
+"""The cameras of a file that has a section for each: which there are, and all that the file says of the chosen one.
+
+Known shapes, in YAML, JSON and mappings::
+
+    front: {K, D}                        a section for each camera
+    cameras: {front: {K, D}}             in a group of their own
+    cameras: [{name: front, K, D}]       or in a list
+    intrinsic: {front: {K, D}}           parts of one camera in several groups
+    extrinsic: {front: {rvec, tvec}}
+    intrinsic: {K, D}                    one camera in several places
+    extrinsic: {left: {rvec, tvec}}
+
+What stands beside the sections (a common image size, a lens) belongs to every camera.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from ipm_rs.calibration._checks import describe, listed
+from ipm_rs.calibration._names import SIZE, has_camera, spelled
+from ipm_rs.errors import ArgumentError
+
+__all__ = ["choose", "sections"]
+
+_NAMES = ("name", "cameraname", "camera", "id", "cameraid", "label", "serial", "serialnumber")
+_POSE = ("rvec", "tvec")
+
+
+def sections(content: Any) -> dict[str, dict[str, Any]]:
+    """Each camera's name and values, where a file has a section for each; empty where one stands at the top."""
+    if isinstance(content, (list, tuple)):
+        return _from_list(content, {})
+    if not isinstance(content, Mapping) or has_camera(content):
+        return {}
+    groups = {str(key): value for key, value in content.items() if _is_section(value) and spelled(key) not in SIZE}
+    shared = {key: value for key, value in content.items() if str(key) not in groups and not _is_list(value)}
+    found = {name: value for name, value in groups.items() if has_camera(value)}
+    others = [value for name, value in groups.items() if name not in found]
+    if len(found) == 1:
+        return _one_in_places(found, shared, others)
+    if not found:
+        for name, group in groups.items():
+            inner = {str(key): value for key, value in group.items() if has_camera(value)}
+            if inner:
+                found = inner
+                others = [value for key, value in groups.items() if key != name]
+                shared = merged(shared, {key: value for key, value in group.items() if not _is_section(value)})
+                break
+    if found:
+        return {
+            name: merged(shared, value, *(part for group in others if _is_section(part := group.get(name))))
+            for name, value in found.items()
+        }
+    lists = (value for value in content.values() if _is_list(value))
+    return next((cameras for value in lists if (cameras := _from_list(value, shared))), {})
+
+
+def choose(cameras: Mapping[str, Any], camera: Any, origin: str) -> str:
+    """Name of the camera that an argument ``camera=`` means; it may be left out where there is one.
+
+    Raises
+    ------
+    ArgumentError
+        There is no such camera, or several and none is named.
+    """
+    names = list(cameras)
+    if camera is None and len(names) == 1:
+        return names[0]
+    plain = isinstance(camera, (str, int)) and not isinstance(camera, bool)
+    found = [name for name in names if plain and name == str(camera)]
+    found = found or [name for name in names if plain and spelled(name) == spelled(camera)]
+    if len(found) != 1:
+        got = "None" if camera is None else describe(camera)
+        raise ArgumentError(f"{origin}: camera: expected one of {listed(names)}, got {got}; say which to read")
+    return found[0]
+
+
+def merged(*parts: Mapping[Any, Any]) -> dict[str, Any]:
+    """Values of all parts; of the same name, those of the later part."""
+    found: dict[str, tuple[str, Any]] = {}
+    for part in parts:
+        found |= {spelled(key): (str(key), value) for key, value in part.items()}
+    return dict(found.values())
+
+
+def _one_in_places(
+    found: Mapping[str, Any], shared: Mapping[Any, Any], others: Sequence[Mapping[Any, Any]]
+) -> dict[str, dict[str, Any]]:
+    """One camera matrix: its poses may have names."""
+    ((name, camera),) = found.items()
+    for group in others:
+        places = {str(key): value for key, value in group.items() if _has_pose(value)}
+        if places:
+            return {key: merged(shared, camera, value) for key, value in places.items()}
+    return {name: merged(shared, camera, *(group for group in others if _has_pose(group)))}
+
+
+def _from_list(values: Sequence[Any], shared: Mapping[Any, Any]) -> dict[str, dict[str, Any]]:
+    """Cameras of a list, by the names that they state, or else by their numbers."""
+    if len(values) > 1000 or not all(isinstance(value, Mapping) for value in values):
+        return {}
+    found = {}
+    for index, value in enumerate(values):
+        if has_camera(value):
+            stated = {spelled(key): item for key, item in value.items() if isinstance(item, (str, int))}
+            name = next((str(stated[key]) for key in _NAMES if key in stated), str(index))
+            found[name if name not in found else f"{name} ({index})"] = merged(shared, value)
+    return found
+
+
+def _is_section(value: Any) -> bool:
+    """Whether a value is a mapping, and no matrix that is written as one."""
+    return isinstance(value, Mapping) and not {"rows", "cols", "data"} <= value.keys()
+
+
+def _is_list(value: Any) -> bool:
+    return isinstance(value, (list, tuple)) and bool(value) and isinstance(value[0], Mapping)
+
+
+def _has_pose(value: Any) -> bool:
+    return _is_section(value) and {*_POSE} <= {spelled(key) for key in value}
