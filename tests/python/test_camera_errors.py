@@ -158,7 +158,7 @@ def test_position_is_three_numbers(position):
 
 
 @pytest.mark.parametrize("lens", ["fisheye", 3, [0.1, 0.2]], ids=str)
-def test_lenses_are_not_there_yet(lens):
+def test_a_lens_is_a_model_or_none(lens):
     with refuses(errors.ArgumentTypeError, "lens", "None", type(lens).__name__):
         ipm_rs.Camera(golden.K, image_size=SIZE, lens=lens)
 

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+import ipm_rs
 from ipm_rs import calibration
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -37,6 +38,11 @@ def test_decisions_are_numbered_without_gaps():
     for name in names:
         title = (ROOT / "docs" / "decisions" / name).read_text(encoding="utf-8").splitlines()[0]
         assert title.startswith(f"# {name[:4]}: "), name
+
+
+def test_the_changelog_tells_what_is_released_from_what_is_not():
+    versions = re.findall(r"^## (.+)$", (ROOT / "CHANGELOG.md").read_text(encoding="utf-8"), re.MULTILINE)
+    assert versions[:2] == ["Unreleased", ipm_rs.__version__]
 
 
 @pytest.mark.parametrize("page", pages(), ids=lambda page: page.relative_to(ROOT).as_posix())
