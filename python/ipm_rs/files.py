@@ -22,7 +22,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO
 
-from ipm_rs.errors import ArgumentTypeError, FileError, IpmError, MissingFileError
+from ipm_rs._arguments import path_text
+from ipm_rs.errors import FileError, IpmError, MissingFileError
 
 try:
     import fcntl
@@ -78,10 +79,8 @@ def atomically(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
 
 
 def as_path(path: object, argument: str = "path") -> Path:
-    """Return a path as one, or raise ArgumentTypeError."""
-    if not isinstance(path, (str, os.PathLike)) or not isinstance(os.fspath(path), str):
-        raise ArgumentTypeError(f"{argument}: expected a path, got {type(path).__name__}; pass the file's name")
-    return Path(path)
+    """Return a path as one; raises as `path_text` does."""
+    return Path(path_text(argument, path))
 
 
 def check_target(path: Path) -> Path:

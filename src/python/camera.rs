@@ -6,13 +6,14 @@ use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple, PyType};
 
+use super::arrays;
 use super::camera_geometry::{each_projected, each_row};
 use super::cloud;
 use super::convert::{
     Floats, Reduced, float, floats, matrix_to_numpy, matrix3, matrix4, rebuilt_by_new, rows_to_numpy, size, whole,
 };
 use super::error::classes::CalibrationError;
-use super::ground::{only_ground, road};
+use super::ground::{given_road, only_ground, road};
 use super::lens::{hash_lens, lens as lens_model, lens_to_python};
 use super::options::thread_count;
 use super::points::PointsArray;
@@ -139,13 +140,16 @@ impl PyCamera {
     ) -> PyResult<cloud::Projected<'py>> {
         let py = points.py();
         let threads = threads.map(|threads| thread_count("threads", threads)).transpose()?;
-        let points = PointsArray::new("points", points, 2..=3, "an (N, 3), or (N, 2) on the ground,")?;
+        let road = given_road(ground)?;
+        let expected = "an (N, 3), or (N, 2) on the ground,";
+        let points = arrays::numbers("points", &format!("{expected} array"), points)?;
+        let points = PointsArray::new("points", points, 2..=3, expected)?;
         let on_ground = points.columns() == 2;
-        let ground = only_ground(ground, on_ground)?;
+        let ground = only_ground(road, on_ground)?;
         if !on_ground {
             return cloud::project(py, &self.camera, &points, threads);
         }
-        let floats = Floats::new("points", "an (N, 2) array", points.array())?;
+        let floats = Floats::of("points", points.array())?;
         let rows = floats.rows::<2>("points")?;
         each_projected(py, threads, rows, |&row| self.camera.project_ground(row, &ground))
     }

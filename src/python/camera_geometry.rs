@@ -7,9 +7,9 @@ use pyo3::types::PyType;
 
 use super::camera::PyCamera;
 use super::cloud::Projected;
-use super::convert::{Floats, flag, float, floats, rows_to_numpy, size, type_name, whole};
-use super::error::classes::{ArgumentError, ArgumentTypeError};
-use super::ground::{only_ground, plane_of, road};
+use super::convert::{Floats, flag, float, float_or_two, floats, rows_to_numpy, size, whole, word};
+use super::error::classes::ArgumentError;
+use super::ground::{given_road, only_ground, plane_of, road};
 use super::ground_points::bev_grid;
 use super::lens::lens as lens_model;
 use crate::parallel::{self, num_threads};
@@ -42,10 +42,7 @@ impl PyCamera {
         let number = |name, object: Option<&Bound<'_, PyAny>>| object.map_or(Ok(0.0), |object| float(name, object));
         let vanishing_point = floats::<2>("vanishing_point", "(u, v) in pixels", vanishing_point)?;
         let (width, height_px) = size("image_size", image_size)?;
-        let [fx, fy] = match focal_length.extract::<f64>() {
-            Ok(_) => [float("focal_length", focal_length)?; 2],
-            Err(_) => floats("focal_length", "pixels, or (fx, fy)", focal_length)?,
-        };
+        let [fx, fy] = float_or_two("focal_length", "pixels, or (fx, fy)", focal_length)?;
         let centre = |pixels: u32| (f64::from(pixels) - 1.0) / 2.0;
         let [cx, cy] = principal_point.map_or(Ok([centre(width), centre(height_px)]), |object| {
             floats("principal_point", "(cx, cy) in pixels", object)
@@ -67,20 +64,11 @@ impl PyCamera {
     ) -> PyResult<Self> {
         let columns = whole("x", x)?;
         let rows = y.map_or(Ok(columns), |y| whole("y", y))?;
-        let rule = match rule {
-            None => Binning::Area,
-            Some(rule) => match rule.extract::<String>().as_deref() {
-                Ok("area") => Binning::Area,
-                Ok("first_pixel") => Binning::FirstPixel,
-                Ok(other) => {
-                    let message = format!("rule: expected \"area\" or \"first_pixel\", got {other:?}");
-                    return Err(ArgumentError::new_err(message));
-                }
-                Err(_) => {
-                    let message = format!("rule: expected \"area\" or \"first_pixel\", got {}", type_name(rule));
-                    return Err(ArgumentTypeError::new_err(message));
-                }
-            },
+        let expected = "rule: expected \"area\" or \"first_pixel\"";
+        let rule = match rule.map(|rule| word(expected, rule)).transpose()?.as_deref() {
+            None | Some("area") => Binning::Area,
+            Some("first_pixel") => Binning::FirstPixel,
+            Some(other) => return Err(ArgumentError::new_err(format!("{expected}, got {other:?}"))),
         };
         Ok(Self { camera: self.camera.binned(columns, rows, rule)? })
     }
@@ -139,12 +127,13 @@ impl PyCamera {
         tolerance: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Vec<Bound<'py, PyArray2<f64>>>> {
         let py = points.py();
-        let floats = Floats::new("points", "an (N, 3) array, or (N, 2) on the ground,", points)?;
-        let on_ground = matches!(floats.shape(), [_, 2]);
-        let ground = only_ground(ground, on_ground)?;
+        let road = given_road(ground)?;
         let closed = closed.map_or(Ok(false), |closed| flag("closed", closed))?;
         let margin = margin.map_or(Ok(0.0), |margin| float("margin", margin))?;
         let tolerance = tolerance.map_or(Ok(TOLERANCE), |tolerance| float("tolerance", tolerance))?;
+        let floats = Floats::new("points", "an (N, 3) array, or (N, 2) on the ground,", points)?;
+        let on_ground = matches!(floats.shape(), [_, 2]);
+        let ground = only_ground(road, on_ground)?;
         let pieces = if on_ground {
             let points = ring(floats.rows::<2>("points")?, closed);
             py.detach(|| self.camera.project_ground_polyline(&points, &ground, margin, tolerance))?

@@ -1,12 +1,16 @@
 //! Numbers, points and matrices from Python and back.
 
-use nalgebra::{Matrix3, Matrix4, SMatrix};
-use numpy::{
-    PyArray1, PyArray2, PyArrayDescrMethods, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArray, PyUntypedArrayMethods,
-};
-use pyo3::prelude::*;
-use pyo3::types::{PyByteArray, PyBytes, PyDict, PyString, PyTuple, PyType};
+use std::borrow::Cow;
 
+use nalgebra::{Matrix3, Matrix4, SMatrix};
+use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArray, PyUntypedArrayMethods};
+use pyo3::prelude::*;
+use pyo3::types::{
+    PyBool, PyByteArray, PyBytes, PyDict, PyFloat, PyFrozenSet, PyInt, PySet, PyString, PyTuple, PyType,
+};
+
+use super::arrays;
+use super::error::OrRefuse;
 use super::error::classes::{ArgumentError, ArgumentTypeError};
 
 /// The name of an object's type, for messages.
@@ -14,7 +18,22 @@ pub(super) fn type_name(object: &Bound<'_, PyAny>) -> String {
     object.get_type().name().map_or_else(|_| "an object".to_owned(), |name| name.to_string())
 }
 
-/// An array-like of real numbers as a C-contiguous float64 array.
+/// What an object prints as, for messages; of one that prints badly or at length, its type.
+pub(super) fn text_of(object: &Bound<'_, PyAny>) -> PyResult<String> {
+    const LONGEST: usize = 80;
+    let text = object.repr().or_none(object.py())?.map(|text| text.to_string_lossy().into_owned());
+    Ok(text.filter(|text| text.len() <= LONGEST).unwrap_or_else(|| type_name(object)))
+}
+
+/// A word; what is no Unicode, such as a lone surrogate, is in it as U+FFFD. `expected` begins the message.
+pub(super) fn word<'a>(expected: &str, object: &'a Bound<'_, PyAny>) -> PyResult<Cow<'a, str>> {
+    match object.cast::<PyString>() {
+        Ok(text) => Ok(text.to_string_lossy()),
+        Err(_) => Err(ArgumentTypeError::new_err(format!("{expected}, got {}", type_name(object)))),
+    }
+}
+
+/// Real numbers of an array-like as C-contiguous float64, borrowed: no Python code of an argument may run meanwhile.
 pub(super) struct Floats<'py> {
     array: PyReadonlyArrayDyn<'py, f64>,
 }
@@ -22,35 +41,20 @@ pub(super) struct Floats<'py> {
 impl<'py> Floats<'py> {
     /// Converts with NumPy; complex numbers, strings, objects and ragged lists are refused.
     pub(super) fn new(name: &str, expected: &str, object: &Bound<'py, PyAny>) -> PyResult<Self> {
-        let numpy = object.py().import("numpy")?;
-        let refuse =
-            |got: String| ArgumentTypeError::new_err(format!("{name}: expected {expected} of real numbers, got {got}"));
-        let array =
-            numpy.call_method1("asarray", (object,)).map_err(|_| refuse(format!("a ragged {}", type_name(object))))?;
-        let array = array.cast_into::<PyUntypedArray>().map_err(|_| refuse(type_name(object)))?;
-        if !matches!(array.dtype().kind(), b'b' | b'i' | b'u' | b'f') {
-            return Err(refuse(format!("{} of dtype {}", type_name(object), array.dtype())));
-        }
-        let options = PyDict::new(object.py());
-        options.set_item("dtype", "float64")?;
-        options.set_item("order", "C")?;
-        let array = numpy.call_method("asarray", (array,), Some(&options))?;
-        let array = array.cast_into::<numpy::PyArrayDyn<f64>>().map_err(|_| refuse(type_name(object)))?;
-        let array = array.try_readonly().map_err(|error| ArgumentError::new_err(format!("{name}: {error}")))?;
-        Ok(Self { array })
+        Self::of(name, &arrays::numbers(name, expected, object)?)
+    }
+
+    /// Of an array of real numbers.
+    pub(super) fn of(name: &str, array: &Bound<'py, PyUntypedArray>) -> PyResult<Self> {
+        Ok(Self { array: arrays::borrow(name, &arrays::require::<f64>(name, array)?)? })
     }
 
     pub(super) fn shape(&self) -> &[usize] {
         self.array.shape()
     }
 
-    /// The converted array.
-    pub(super) fn into_array(self) -> Bound<'py, PyUntypedArray> {
-        self.array.as_untyped().clone()
-    }
-
     pub(super) fn values(&self) -> &[f64] {
-        self.array.as_slice().expect("asked of NumPy in C order")
+        self.array.as_slice().expect("`require` makes it aligned and C-contiguous")
     }
 
     /// The rows of an (N, k) array.
@@ -58,10 +62,27 @@ impl<'py> Floats<'py> {
         match *self.shape() {
             [_, columns] if columns == K => Ok(self.values().as_chunks::<K>().0),
             _ => Err(ArgumentError::new_err(format!(
-                "{name}: expected shape (N, {K}), got {}; a single one is {name}[None]",
-                tuple_text(self.shape())
+                "{name}: expected shape (N, {K}), got {}{}",
+                tuple_text(self.shape()),
+                rows_hint(name, self.shape(), K)
             ))),
         }
+    }
+}
+
+/// How an array of another shape becomes (N, columns), for messages.
+pub(super) fn rows_hint(name: &str, shape: &[usize], columns: usize) -> String {
+    let first = format!("; use {name}[:, :{columns}] if the first {columns} columns are meant");
+    match *shape {
+        [length] if length == columns => format!("; a single one is {name}[None]"),
+        [_, 2] if columns == 3 => {
+            format!("; points on the road are numpy.column_stack([{name}, numpy.zeros(len({name}))])")
+        }
+        [_, others] if others == columns + 1 => first,
+        [rows, _] if rows == columns => format!("; use {name}.T if its rows are coordinates"),
+        [_, others] if others > columns => first,
+        [_, .., last] if shape.len() > 2 && last == columns => format!("; use {name}.reshape(-1, {columns})"),
+        _ => String::new(),
     }
 }
 
@@ -115,38 +136,103 @@ fn is_text(object: &Bound<'_, PyAny>) -> bool {
 /// A real number.
 pub(super) fn float(name: &str, object: &Bound<'_, PyAny>) -> PyResult<f64> {
     let refuse = || ArgumentTypeError::new_err(format!("{name}: expected a number, got {}", type_name(object)));
+    if let Ok(number) = object.cast_exact::<PyFloat>() {
+        return Ok(number.value());
+    }
     if object.is_instance_of::<PyString>() {
         return Err(refuse());
     }
-    object.extract::<f64>().map_err(|_| refuse())
+    if let Ok(array) = object.cast::<PyUntypedArray>() {
+        arrays::own_class(name, array.clone())?; // what is masked would be NaN
+    }
+    object.extract::<f64>().or_refuse(object.py(), refuse)
 }
 
 /// `K` real numbers.
 pub(super) fn floats<const K: usize>(name: &str, meaning: &str, object: &Bound<'_, PyAny>) -> PyResult<[f64; K]> {
     let refuse =
         |got: String| ArgumentTypeError::new_err(format!("{name}: expected {meaning}, {K} numbers, got {got}"));
-    if is_text(object) {
+    let items = items(object, refuse)?;
+    let numbers = items.iter().map(|item| float(name, item)).collect::<PyResult<Vec<_>>>()?;
+    numbers.try_into().map_err(|_| {
+        let count = count_text(items.len());
+        ArgumentError::new_err(format!("{name}: expected {meaning}, {K} numbers, got {count} of them"))
+    })
+}
+
+/// One real number for both, or two.
+pub(super) fn float_or_two(name: &str, meaning: &str, object: &Bound<'_, PyAny>) -> PyResult<[f64; 2]> {
+    match float(name, object) {
+        Err(error) if error.is_instance_of::<ArgumentTypeError>(object.py()) => floats(name, meaning, object),
+        number => number.map(|number| [number; 2]),
+    }
+}
+
+/// So many items are looked at of an argument that wants a few: an iterator may have no end.
+pub(super) const MOST_ITEMS: usize = 100;
+
+/// The items of a sequence or an iterator, not more than [`MOST_ITEMS`]; texts and what has no order are refused.
+pub(super) fn items<'py>(
+    object: &Bound<'py, PyAny>,
+    refuse: impl Fn(String) -> PyErr,
+) -> PyResult<Vec<Bound<'py, PyAny>>> {
+    items_up_to(MOST_ITEMS, object, refuse)
+}
+
+/// Likewise, not more than so many.
+pub(super) fn items_up_to<'py>(
+    most: usize,
+    object: &Bound<'py, PyAny>,
+    refuse: impl Fn(String) -> PyErr,
+) -> PyResult<Vec<Bound<'py, PyAny>>> {
+    let unordered =
+        object.is_instance_of::<PySet>() || object.is_instance_of::<PyFrozenSet>() || object.is_instance_of::<PyDict>();
+    if is_text(object) || unordered {
         return Err(refuse(type_name(object)));
     }
-    let items = object.try_iter().map_err(|_| refuse(type_name(object)))?.collect::<PyResult<Vec<_>>>()?;
-    let numbers = items.iter().map(|item| float(name, item)).collect::<PyResult<Vec<_>>>()?;
-    let count = numbers.len();
-    numbers
-        .try_into()
-        .map_err(|_| ArgumentError::new_err(format!("{name}: expected {meaning}, {K} numbers, got {count} of them")))
+    let py = object.py();
+    let items = object.try_iter().and_then(|items| items.take(most).collect());
+    items.or_refuse(py, || refuse(type_name(object)))
+}
+
+/// How many [`items`] there were, for messages.
+pub(super) fn count_text(count: usize) -> String {
+    if count < MOST_ITEMS { count.to_string() } else { format!("at least {count}") }
+}
+
+/// A whole number, by `__index__`.
+pub(super) enum Whole {
+    Number(i128),
+    /// One that 128 bits do not hold.
+    Beyond,
+    /// None at all.
+    Other,
+}
+
+/// Reads a whole number; floats are none, and whether bools are is up to the caller.
+pub(super) fn whole_number(object: &Bound<'_, PyAny>) -> PyResult<Whole> {
+    let py = object.py();
+    let index = match object.cast_exact::<PyInt>() {
+        Ok(number) => Some(number.as_any().clone()),
+        Err(_) => py.import("operator")?.call_method1("index", (object,)).or_none(py)?,
+    };
+    let Some(index) = index else { return Ok(Whole::Other) };
+    Ok(index.extract::<i128>().or_none(py)?.map_or(Whole::Beyond, Whole::Number))
 }
 
 /// A whole number of at least 0 that fits 32 bits; floats and bools are refused.
 pub(super) fn whole(name: &str, object: &Bound<'_, PyAny>) -> PyResult<u32> {
-    let is_bool = object.is_instance_of::<pyo3::types::PyBool>();
-    match object.extract::<i64>() {
-        Ok(number) if !is_bool => u32::try_from(number).map_err(|_| {
-            ArgumentError::new_err(format!(
-                "{name}: expected a whole number of pixels, from 0 to 2^32 - 1, got {number}; correct it"
-            ))
-        }),
+    let outside = |got: String| {
+        ArgumentError::new_err(format!(
+            "{name}: expected a whole number of pixels, from 0 to 2^32 - 1, got {got}; correct it"
+        ))
+    };
+    let is_bool = object.is_instance_of::<PyBool>();
+    match whole_number(object)? {
+        Whole::Number(number) if !is_bool => u32::try_from(number).map_err(|_| outside(number.to_string())),
+        Whole::Beyond => Err(outside("one beyond 128 bits".to_owned())),
         _ => {
-            let got = if object.extract::<f64>().is_ok() { object.to_string() } else { type_name(object) };
+            let got = if object.is_instance_of::<PyFloat>() { text_of(object)? } else { type_name(object) };
             Err(ArgumentTypeError::new_err(format!("{name}: expected a whole number, got {got}; give an int")))
         }
     }
@@ -154,9 +240,8 @@ pub(super) fn whole(name: &str, object: &Bound<'_, PyAny>) -> PyResult<u32> {
 
 /// True or False, NumPy's too.
 pub(super) fn flag(name: &str, object: &Bound<'_, PyAny>) -> PyResult<bool> {
-    object
-        .extract::<bool>()
-        .map_err(|_| ArgumentTypeError::new_err(format!("{name}: expected True or False, got {}", type_name(object))))
+    let refuse = || ArgumentTypeError::new_err(format!("{name}: expected True or False, got {}", type_name(object)));
+    object.extract::<bool>().or_refuse(object.py(), refuse)
 }
 
 /// (width, height).
@@ -166,15 +251,12 @@ pub(super) fn size(name: &str, object: &Bound<'_, PyAny>) -> PyResult<(u32, u32)
             "{name}: expected (width, height), two whole numbers, got {got}; give them as in (1920, 1080)"
         ))
     };
-    if is_text(object) {
-        return Err(refuse(type_name(object)));
-    }
-    let items = object.try_iter().map_err(|_| refuse(type_name(object)))?.collect::<PyResult<Vec<_>>>()?;
+    let items = items(object, refuse)?;
     match items.as_slice() {
         [width, height] => Ok((whole(name, width)?, whole(name, height)?)),
         _ => Err(ArgumentError::new_err(format!(
             "{name}: expected (width, height), two whole numbers, got {} of them; give them as in (1920, 1080)",
-            items.len()
+            count_text(items.len())
         ))),
     }
 }

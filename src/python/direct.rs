@@ -1,13 +1,13 @@
 //! `remap` and `warp_perspective`: warps without a table.
 
-use numpy::{PyArrayDescrMethods, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 
 use super::convert::{flag, matrix3, size};
-use super::image::ImageArray;
+use super::image::{ImageArray, Output};
 use super::layout::Layout;
-use super::maps::{contiguous, map_pair};
-use super::options;
+use super::maps::{MapPair, map_array};
+use super::options::{self, BorderValue};
+use super::shared;
 use crate::camera::check_image_size;
 use crate::grid::check_cells;
 use crate::{
@@ -32,15 +32,12 @@ pub(super) fn remap<'py>(
     out: Option<&Bound<'py, PyAny>>,
     threads: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<Bound<'py, PyAny>> {
-    let (map_x, map_y) = map_pair(map_x, map_y)?;
+    let (map_x, map_y) = (map_array("map_x", map_x)?, map_array("map_y", map_y)?);
     let call = Call::new(image, interpolation, border_mode, border_value, out, threads)?;
-    let shape = (map_x.shape()[0], map_x.shape()[1]);
-    if map_x.dtype().itemsize() == 4 {
-        let (xs, ys) = (contiguous::<f32>(&map_x)?, contiguous::<f32>(&map_y)?);
-        call.run(&Mapping::MapsF32(xs.as_slice()?, ys.as_slice()?), shape)
-    } else {
-        let (xs, ys) = (contiguous::<f64>(&map_x)?, contiguous::<f64>(&map_y)?);
-        call.run(&Mapping::MapsF64(xs.as_slice()?, ys.as_slice()?), shape)
+    let maps = MapPair::new(&map_x, &map_y)?;
+    match &maps {
+        MapPair::F32(xs, ys) => call.run(&Mapping::MapsF32(xs.as_slice()?, ys.as_slice()?), maps.shape()),
+        MapPair::F64(xs, ys) => call.run(&Mapping::MapsF64(xs.as_slice()?, ys.as_slice()?), maps.shape()),
     }
 }
 
@@ -73,12 +70,12 @@ pub(super) fn warp_perspective<'py>(
 }
 
 /// The arguments that both have in common, checked.
-struct Call<'a, 'py> {
+struct Call<'py> {
     image: ImageArray<'py>,
     interpolation: Interpolation,
     border_mode: BorderMode,
-    border_value: Option<&'a Bound<'py, PyAny>>,
-    out: Option<&'a Bound<'py, PyAny>>,
+    border_value: BorderValue<'py>,
+    out: Output<'py>,
     threads: Option<usize>,
 }
 
@@ -86,13 +83,14 @@ struct Call<'a, 'py> {
 type DirectFn<T> =
     fn(&ImageView<'_, T>, &Mapping<'_>, &mut ImageViewMut<'_, T>, BorderMode, &WarpOptions<T>) -> crate::Result<()>;
 
-impl<'a, 'py> Call<'a, 'py> {
+impl<'py> Call<'py> {
+    /// Runs the Python code of all of them, and checks the image after it.
     fn new(
         image: &Bound<'py, PyAny>,
         interpolation: Option<&Bound<'py, PyAny>>,
         border_mode: Option<&Bound<'py, PyAny>>,
-        border_value: Option<&'a Bound<'py, PyAny>>,
-        out: Option<&'a Bound<'py, PyAny>>,
+        border_value: Option<&Bound<'py, PyAny>>,
+        out: Option<&Bound<'py, PyAny>>,
         threads: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Self> {
         Ok(Self {
@@ -101,9 +99,9 @@ impl<'a, 'py> Call<'a, 'py> {
                 .without_table()?,
             border_mode: border_mode.map_or(Ok(BorderMode::Constant), options::border_mode)?,
             threads: threads.map(|threads| options::thread_count("threads", threads)).transpose()?,
-            image: ImageArray::new("image", image, Layout::Hwc)?,
-            border_value,
-            out,
+            border_value: BorderValue::new(border_value)?,
+            out: Output::new(out)?,
+            image: ImageArray::new("image", shared::array("image", image, false)?, Layout::Hwc)?,
         })
     }
 
@@ -128,13 +126,12 @@ impl<'a, 'py> Call<'a, 'py> {
     ) -> PyResult<Bound<'py, PyAny>> {
         let py = self.image.dtype().py();
         check_cells("out", rows as f64, columns as f64)?; // before it is allocated
-        let border_value = options::border_value::<T>(self.border_value, self.image.dtype())?;
+        let border_value = self.border_value.samples::<T>(self.image.dtype())?;
         let options = WarpOptions { border_value, threads: self.threads, ..WarpOptions::default() };
         let read = self.image.read()?;
         let views = read.views::<T>()?;
-        let given = self.out.filter(|out| !out.is_none());
-        let out = match given {
-            Some(out) => self.image.check_output(out, rows, columns)?,
+        let out = match self.out.array() {
+            Some(array) => self.image.check_output(array, rows, columns)?,
             None => self.image.new_output(rows, columns)?,
         };
         let mut write = out.write()?;
@@ -142,6 +139,6 @@ impl<'a, 'py> Call<'a, 'py> {
         py.detach(|| warp(&views[0], mapping, &mut outs[0], self.border_mode, &options))?;
         drop(outs);
         drop(write);
-        Ok(given.cloned().unwrap_or_else(|| out.into_array().into_any()))
+        Ok(self.out.given_or(out))
     }
 }

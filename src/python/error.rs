@@ -1,6 +1,8 @@
 //! Which exception each error is.
 
-use pyo3::PyErr;
+use pyo3::exceptions::{PyException, PyMemoryError};
+use pyo3::types::{PyAnyMethods, PyStringMethods, PyTypeMethods};
+use pyo3::{PyErr, PyResult, Python};
 
 use crate::Error;
 
@@ -14,8 +16,61 @@ pub(super) mod classes {
     import_exception!(ipm_rs.errors, DtypeError);
     import_exception!(ipm_rs.errors, GridError);
     import_exception!(ipm_rs.errors, ImageError);
+    import_exception!(ipm_rs.errors, IpmError);
     import_exception!(ipm_rs.errors, LutError);
     import_exception!(ipm_rs.errors, OutOfMemoryError);
+}
+
+/// What an argument's own Python code raised, told in our words, or left aside; see [`about_argument`] for what is not.
+pub(super) trait OrRefuse<T> {
+    /// Raises `refusal` from what was raised; an error of ours stays as it is, too.
+    fn or_refuse(self, py: Python<'_>, refusal: impl FnOnce() -> PyErr) -> PyResult<T>;
+
+    /// `None` for what was raised.
+    fn or_none(self, py: Python<'_>) -> PyResult<Option<T>>;
+}
+
+impl<T> OrRefuse<T> for PyResult<T> {
+    fn or_refuse(self, py: Python<'_>, refusal: impl FnOnce() -> PyErr) -> PyResult<T> {
+        self.map_err(|error| match about_argument(py, error) {
+            Ok(error) if error.is_instance_of::<classes::IpmError>(py) => error,
+            Ok(error) => {
+                let refusal = refusal();
+                refusal.set_cause(py, Some(error));
+                refusal
+            }
+            Err(error) => error,
+        })
+    }
+
+    fn or_none(self, py: Python<'_>) -> PyResult<Option<T>> {
+        match self {
+            Ok(value) => Ok(Some(value)),
+            Err(error) => about_argument(py, error).map(|_| None),
+        }
+    }
+}
+
+/// An exception that says something about the argument whose Python code raised it.
+///
+/// # Errors
+/// Interrupts, exits and a lack of memory, which do not.
+pub(super) fn about_argument(py: Python<'_>, error: PyErr) -> PyResult<PyErr> {
+    if !error.is_instance_of::<PyException>(py) || error.is_instance_of::<PyMemoryError>(py) {
+        return Err(error);
+    }
+    Ok(error)
+}
+
+/// An exception's class and words, for messages.
+pub(super) fn error_text(py: Python<'_>, error: &PyErr) -> PyResult<String> {
+    const LONGEST: usize = 300;
+    let class = error.get_type(py).name()?.to_string_lossy().into_owned();
+    let words = error.value(py).str().or_none(py)?.map(|words| words.to_string_lossy().into_owned());
+    Ok(match words.filter(|words| (1..=LONGEST).contains(&words.len())) {
+        Some(words) => format!("{class}: {words}"),
+        None => class,
+    })
 }
 
 impl From<Error> for PyErr {

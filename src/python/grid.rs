@@ -6,8 +6,8 @@ use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 
-use super::convert::{Floats, Reduced, float, floats, rebuilt_by_new, rows_to_numpy, type_name};
-use super::error::classes::{ArgumentError, ArgumentTypeError};
+use super::convert::{Floats, Reduced, float_or_two, floats, rebuilt_by_new, rows_to_numpy, word};
+use super::error::classes::ArgumentError;
 use crate::error::Error;
 use crate::{BevGrid, SampleAt};
 
@@ -44,28 +44,19 @@ impl PyBevGrid {
     ) -> PyResult<Self> {
         let range =
             |name, object| floats::<2>(name, "a range (min, max) in metres", object).map(|[min, max]| (min, max));
-        let resolution = match resolution.extract::<f64>() {
-            Ok(_) => float("resolution", resolution).map(|both| (both, both))?,
-            Err(_) => floats::<2>("resolution", "a cell size in metres, or (along x, along y)", resolution)
-                .map(|[dx, dy]| (dx, dy))?,
-        };
+        let [dx, dy] = float_or_two("resolution", "a cell size in metres, or (along x, along y)", resolution)?;
         let sample_at = match sample_at {
             None => SampleAt::Center,
-            Some(object) => match object.extract::<String>().as_deref() {
-                Ok("center") => SampleAt::Center,
-                Ok("corner") => SampleAt::Corner,
-                Ok(other) => {
-                    let message = format!("sample_at: expected \"center\" or \"corner\", got {other:?}");
-                    return Err(ArgumentError::new_err(message));
+            Some(object) => {
+                let expected = "sample_at: expected \"center\" or \"corner\"";
+                match word(expected, object)?.as_ref() {
+                    "center" => SampleAt::Center,
+                    "corner" => SampleAt::Corner,
+                    other => return Err(ArgumentError::new_err(format!("{expected}, got {other:?}"))),
                 }
-                Err(_) => {
-                    let got = type_name(object);
-                    let message = format!("sample_at: expected \"center\" or \"corner\", got {got}");
-                    return Err(ArgumentTypeError::new_err(message));
-                }
-            },
+            }
         };
-        Ok(Self { grid: BevGrid::new(range("x", x)?, range("y", y)?, resolution, sample_at)? })
+        Ok(Self { grid: BevGrid::new(range("x", x)?, range("y", y)?, (dx, dy), sample_at)? })
     }
 
     #[doc = help!("BevGrid.shape")]

@@ -3,11 +3,12 @@
 use std::hash::{Hash, Hasher};
 use std::sync::Arc;
 
-use numpy::{PyArray1, PyArray2, PyArrayMethods};
+use numpy::{PyArray1, PyArray2, PyArrayMethods, PyUntypedArray};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple, PyType};
 
-use super::convert::{Floats, Reduced, float, floats, rebuilt_by_new, tuple_text, type_name};
+use super::arrays;
+use super::convert::{Floats, Reduced, float, float_or_two, floats, rebuilt_by_new, tuple_text, type_name};
 use super::error::classes::{ArgumentError, ArgumentTypeError};
 use super::ground_points::bev_grid;
 use crate::{Ground, HeightMap, Plane};
@@ -112,11 +113,8 @@ impl PyHeightMap {
     #[pyo3(signature = (heights, *, origin, spacing))]
     fn new(heights: &Bound<'_, PyAny>, origin: &Bound<'_, PyAny>, spacing: &Bound<'_, PyAny>) -> PyResult<Self> {
         let origin = floats::<2>("origin", "(x, y) of heights[0, 0] in metres", origin)?;
-        let spacing = match spacing.extract::<f64>() {
-            Ok(_) => [float("spacing", spacing)?; 2],
-            Err(_) => floats::<2>("spacing", "metres between nodes, or (along x, along y)", spacing)?,
-        };
-        Self::of(heights, origin.into(), spacing.into())
+        let spacing = float_or_two("spacing", "metres between nodes, or (along x, along y)", spacing)?;
+        Self::of(&heights_of(heights)?, origin.into(), spacing.into())
     }
 
     #[doc = help!("HeightMap.on_grid")]
@@ -124,7 +122,8 @@ impl PyHeightMap {
     fn on_grid(_cls: &Bound<'_, PyType>, heights: &Bound<'_, PyAny>, grid: &Bound<'_, PyAny>) -> PyResult<Self> {
         let grid = &bev_grid(grid)?.grid;
         let expected = [grid.rows(), grid.columns()];
-        let got = Floats::new("heights", "a (rows, columns) array", heights)?;
+        let heights = heights_of(heights)?;
+        let got = Floats::of("heights", &heights)?;
         if got.shape() != expected {
             return Err(ArgumentError::new_err(format!(
                 "heights: expected the grid's shape {}, got {}",
@@ -134,7 +133,7 @@ impl PyHeightMap {
         }
         let [x, y] = grid.ground_from_cell([0.0, 0.0]);
         let (dx, dy) = grid.resolution();
-        Self::of(heights, (x, y), (-dx, -dy))
+        Self::of(&heights, (x, y), (-dx, -dy))
     }
 
     #[doc = help!("HeightMap.heights")]
@@ -183,8 +182,8 @@ impl PyHeightMap {
 }
 
 impl PyHeightMap {
-    fn of(heights: &Bound<'_, PyAny>, origin: (f64, f64), spacing: (f64, f64)) -> PyResult<Self> {
-        let floats = Floats::new("heights", "a (rows, columns) array", heights)?;
+    fn of(heights: &Bound<'_, PyUntypedArray>, origin: (f64, f64), spacing: (f64, f64)) -> PyResult<Self> {
+        let floats = Floats::of("heights", heights)?;
         let [_, columns] = *floats.shape() else {
             let got = tuple_text(floats.shape());
             return Err(ArgumentError::new_err(format!("heights: expected shape (rows, columns), got {got}")));
@@ -193,6 +192,10 @@ impl PyHeightMap {
         let map = heights.py().detach(|| HeightMap::new(values.to_vec(), columns, origin, spacing))?;
         Ok(Self { map: Arc::new(map) })
     }
+}
+
+fn heights_of<'py>(object: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyUntypedArray>> {
+    arrays::numbers("heights", "a (rows, columns) array", object)
 }
 
 /// The road: z = 0 where nothing is said.
@@ -204,22 +207,31 @@ pub(super) fn road(ground: Option<&Bound<'_, PyAny>>) -> PyResult<Ground> {
     if let Ok(map) = ground.cast::<PyHeightMap>() {
         return Ok(Ground::HeightMap(Arc::clone(&map.get().map)));
     }
-    let height = float("ground", ground).map_err(|_| {
-        let got = type_name(ground);
-        let expected = "a height in metres, an ipm_rs.Plane or an ipm_rs.HeightMap";
-        ArgumentTypeError::new_err(format!("ground: expected {expected}, got {got}"))
-    })?;
+    let height =
+        float("ground", ground).map_err(|error| match error.is_instance_of::<ArgumentTypeError>(ground.py()) {
+            true => {
+                let got = type_name(ground);
+                let expected = "a height in metres, an ipm_rs.Plane or an ipm_rs.HeightMap";
+                ArgumentTypeError::new_err(format!("ground: expected {expected}, got {got}"))
+            }
+            false => error,
+        })?;
     Ok(Ground::height(height)?)
 }
 
+/// The road, if one is given.
+pub(super) fn given_road(ground: Option<&Bound<'_, PyAny>>) -> PyResult<Option<Ground>> {
+    ground.filter(|ground| !ground.is_none()).map(|ground| road(Some(ground))).transpose()
+}
+
 /// The road under (N, 2) points; refused with points that have their own height.
-pub(super) fn only_ground(ground: Option<&Bound<'_, PyAny>>, on_ground: bool) -> PyResult<Ground> {
-    if ground.is_some_and(|ground| !ground.is_none()) && !on_ground {
+pub(super) fn only_ground(given: Option<Ground>, on_ground: bool) -> PyResult<Ground> {
+    if given.is_some() && !on_ground {
         return Err(ArgumentError::new_err(
             "ground: expected only with (N, 2) points, got points that have their own height; drop one of the two",
         ));
     }
-    road(ground.filter(|ground| !ground.is_none()))
+    Ok(given.unwrap_or_default())
 }
 
 /// A road that has a horizon: a height or a plane.

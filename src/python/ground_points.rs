@@ -4,6 +4,7 @@ use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyType;
 
+use super::arrays;
 use super::convert::{Floats, matrix_to_numpy, size, tuple_text, type_name};
 use super::error::classes::{ArgumentError, ArgumentTypeError};
 use super::grid::PyBevGrid;
@@ -67,7 +68,9 @@ pub(super) fn bev_grid<'a>(grid: &'a Bound<'_, PyAny>) -> PyResult<&'a PyBevGrid
         .map_err(|_| ArgumentTypeError::new_err(format!("grid: expected an ipm_rs.BevGrid, got {}", type_name(grid))))
 }
 
+/// Both arrays before either is borrowed.
 fn pairs<'py>(image: &Bound<'py, PyAny>, ground: &Bound<'py, PyAny>) -> PyResult<(Floats<'py>, Floats<'py>)> {
-    let image = Floats::new("image_points", "an (N, 2) array, (u, v) in pixels,", image)?;
-    Ok((image, Floats::new("ground_points", "an (N, 2) array, (x, y) in metres,", ground)?))
+    let image = arrays::numbers("image_points", "an (N, 2) array, (u, v) in pixels,", image)?;
+    let ground = arrays::numbers("ground_points", "an (N, 2) array, (x, y) in metres,", ground)?;
+    Ok((Floats::of("image_points", &image)?, Floats::of("ground_points", &ground)?))
 }

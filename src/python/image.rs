@@ -10,6 +10,7 @@ use numpy::{
 use pyo3::exceptions::PyMemoryError;
 use pyo3::prelude::*;
 
+use super::arrays;
 use super::convert::tuple_text;
 use super::error::classes::{DtypeError, ImageError, OutOfMemoryError};
 use super::layout::Layout;
@@ -24,6 +25,9 @@ struct Steps {
 }
 
 /// An array that holds an image, or several: aligned, native, its samples adjacent within each row.
+///
+/// Its memory is borrowed, never copied: what cannot be read where it lies is refused. The shape and the strides are
+/// kept, so no Python code of an argument may run between `new` and the end of the call.
 pub(super) struct ImageArray<'py> {
     array: Bound<'py, PyUntypedArray>,
     dtype: Bound<'py, PyArrayDescr>,
@@ -38,11 +42,7 @@ pub(super) struct ImageArray<'py> {
 
 impl<'py> ImageArray<'py> {
     /// Checks everything but the dtype's kind; `name` is the argument's.
-    pub(super) fn new(name: &str, object: &Bound<'py, PyAny>, layout: Layout) -> PyResult<Self> {
-        Self::of(name, shared::array(name, object, false)?, layout)
-    }
-
-    fn of(name: &str, array: Bound<'py, PyUntypedArray>, layout: Layout) -> PyResult<Self> {
+    pub(super) fn new(name: &str, array: Bound<'py, PyUntypedArray>, layout: Layout) -> PyResult<Self> {
         let dtype = array.dtype();
         if dtype.is_native_byteorder() == Some(false) {
             let mend = match name {
@@ -81,9 +81,15 @@ impl<'py> ImageArray<'py> {
         let (rows, planes, batch) = (steps(Some(axes.rows)), steps(axes.planes), steps(axes.batch));
         let whole = [rows, planes, batch].iter().all(|steps| steps.stride % sample == 0);
         let pixel = sample * samples.count as isize;
-        if !adjacent(samples, sample) || !adjacent(columns, pixel) || !whole || !array.is_aligned() {
+        if !array.is_aligned() {
             let message = format!(
-                "{name}: expected samples adjacent and aligned within each row (any row stride), got shape {} with strides {:?}{}; use numpy.ascontiguousarray({name})",
+                "{name}: expected aligned samples, got {dtype} at odd addresses, as in a packed record; use {name}.copy()"
+            );
+            return Err(ImageError::new_err(message));
+        }
+        if !adjacent(samples, sample) || !adjacent(columns, pixel) || !whole {
+            let message = format!(
+                "{name}: expected samples adjacent within each row (any row stride), got shape {} with strides {:?}{}; use numpy.ascontiguousarray({name})",
                 tuple_text(shape),
                 strides,
                 layout.elsewhere(),
@@ -104,31 +110,35 @@ impl<'py> ImageArray<'py> {
 
     /// A new array, not initialised.
     pub(super) fn allocate(shape: &[usize], dtype: Bound<'py, PyArrayDescr>, layout: Layout) -> PyResult<Self> {
-        Self::of("out", empty_array(shape, dtype)?, layout)
+        Self::new("out", empty_array(shape, dtype)?, layout)
     }
 
-    /// Checks that `object` can take the result of warping this image.
-    pub(super) fn check_output(&self, object: &Bound<'py, PyAny>, rows: usize, columns: usize) -> PyResult<Self> {
+    /// Checks that `array` can take the result of warping this image.
+    pub(super) fn check_output(
+        &self,
+        array: Bound<'py, PyUntypedArray>,
+        rows: usize,
+        columns: usize,
+    ) -> PyResult<Self> {
         let (shape, dims) = self.output_shape(rows, columns);
         let dtype = (&self.dtype, "that of the image", "image.dtype");
-        Self::output(object, &shape[..dims], dtype, self.layout, &[("image", self)])
+        Self::output(array, &shape[..dims], dtype, self.layout, &[("image", self)])
     }
 
-    /// Checks that `object` can take a result of that shape and dtype (with why, and how to write it), whose memory
+    /// Checks that `array` can take a result of that shape and dtype (with why, and how to write it), whose memory
     /// none of the inputs spans.
     pub(super) fn output(
-        object: &Bound<'py, PyAny>,
+        array: Bound<'py, PyUntypedArray>,
         expected: &[usize],
         (dtype, whose, name): (&Bound<'py, PyArrayDescr>, &str, &str),
         layout: Layout,
         inputs: &[(&str, &Self)],
     ) -> PyResult<Self> {
-        let array = shared::array("out", object, true)?;
         if array.shape() != expected {
             let (expected, got) = (tuple_text(expected), tuple_text(array.shape()));
             return Err(ImageError::new_err(format!("out: expected shape {expected}, got {got}")));
         }
-        let out = Self::of("out", array, layout)?;
+        let out = Self::new("out", array, layout)?;
         if !out.dtype.is_equiv_to(dtype) {
             let message = format!("out: expected dtype {dtype}, {whose}, got {}", out.dtype);
             return Err(DtypeError::new_err(message));
@@ -230,7 +240,7 @@ impl<'py> ImageArray<'py> {
 
     /// Address of the array's first sample.
     fn address(&self) -> *mut u8 {
-        self.bytes().data()
+        bytes(&self.array).data()
     }
 
     /// Address of row 0 of every plane of every image of the batch, in order.
@@ -241,12 +251,6 @@ impl<'py> ImageArray<'py> {
             let (image, plane) = ((index / planes) as isize, (index % planes) as isize);
             start.wrapping_offset(self.batch.stride * image + self.planes.stride * plane)
         })
-    }
-
-    /// The array under another element type: only for its data pointer and borrow flags, which do not look at it.
-    fn bytes(&self) -> &Bound<'py, PyArrayDyn<u8>> {
-        // SAFETY: `PyArrayDyn<T>` is a transparent NumPy array whatever T is, and no element is read as T.
-        unsafe { self.array.cast_unchecked() }
     }
 
     /// The addresses between which rows lie that begin at `first` and where `axes` lead from there.
@@ -267,13 +271,13 @@ impl<'py> ImageArray<'py> {
 
     /// Borrows the array for reading.
     pub(super) fn read(&self) -> PyResult<Reading<'_, 'py>> {
-        let borrow = self.bytes().try_readonly().map_err(|_| in_use("image"))?;
+        let borrow = bytes(&arrays::to_borrow(&self.array)?).try_readonly().map_err(|_| in_use("image"))?;
         Ok(Reading { image: self, _borrow: borrow })
     }
 
     /// Borrows the array for writing.
     pub(super) fn write(&self) -> PyResult<Writing<'_, 'py>> {
-        let borrow = self.bytes().try_readwrite().map_err(|error| match error {
+        let borrow = bytes(&arrays::to_borrow(&self.array)?).try_readwrite().map_err(|error| match error {
             numpy::BorrowError::NotWriteable => {
                 ImageError::new_err("out: expected a writable array, got a read-only one; pass out=None or a copy")
             }
@@ -283,10 +287,40 @@ impl<'py> ImageArray<'py> {
     }
 }
 
+/// The array under another element type: only for its data pointer and borrow flags, which do not look at it.
+fn bytes<'a, 'py>(array: &'a Bound<'py, PyUntypedArray>) -> &'a Bound<'py, PyArrayDyn<u8>> {
+    // SAFETY: `PyArrayDyn<T>` is a transparent NumPy array whatever T is, and no element is read as T.
+    unsafe { array.cast_unchecked() }
+}
+
 fn in_use(name: &str) -> PyErr {
     ImageError::new_err(format!(
         "{name}: another call is writing to or reading from this memory; use one array a thread"
     ))
+}
+
+/// The `out=` of a call, if one is given.
+pub(super) struct Output<'py> {
+    given: Option<(Bound<'py, PyAny>, Bound<'py, PyUntypedArray>)>,
+}
+
+impl<'py> Output<'py> {
+    /// Takes what is given as an array, not yet checked; its Python code runs here.
+    pub(super) fn new(object: Option<&Bound<'py, PyAny>>) -> PyResult<Self> {
+        let given = object.filter(|object| !object.is_none());
+        let given = given.map(|object| Ok::<_, PyErr>((object.clone(), shared::array("out", object, true)?)));
+        Ok(Self { given: given.transpose()? })
+    }
+
+    /// The array to write to.
+    pub(super) fn array(&self) -> Option<Bound<'py, PyUntypedArray>> {
+        self.given.as_ref().map(|(_, array)| array.clone())
+    }
+
+    /// What the call returns: what was given, or the array that was made in its place.
+    pub(super) fn given_or(self, new: ImageArray<'py>) -> Bound<'py, PyAny> {
+        self.given.map_or_else(|| new.array.into_any(), |(object, _)| object)
+    }
 }
 
 /// A new array, not initialised.

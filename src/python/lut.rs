@@ -1,7 +1,7 @@
 //! `Lut`.
 
 use nalgebra::Matrix3;
-use numpy::{PyArray1, PyArray2, PyArray3, PyArrayDescrMethods, PyArrayMethods, PyUntypedArray, PyUntypedArrayMethods};
+use numpy::{PyArray1, PyArray2, PyArray3, PyArrayDescrMethods, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyTuple, PyType};
 
@@ -10,10 +10,11 @@ use super::convert::{float, matrix3, size, tuple_text, type_name};
 use super::error::classes::{ArgumentTypeError, ImageError};
 use super::grid::PyBevGrid;
 use super::ground::road;
-use super::image::ImageArray;
+use super::image::{ImageArray, Output};
 use super::layout::Layout;
-use super::maps::{contiguous, map_pair};
-use super::options;
+use super::maps::{MapPair, map_array};
+use super::options::{self, BorderValue};
+use super::shared;
 use crate::{Bilinear, Error, ImageView, ImageViewMut, Interpolation, Lut, Sample, WarpOptions};
 
 #[doc = help!("Lut")]
@@ -48,11 +49,19 @@ impl PyLut {
         source_size: &Bound<'_, PyAny>,
     ) -> PyResult<Self> {
         let source_size = size("source_size", source_size)?;
-        let (map_x, map_y) = map_pair(map_x, map_y)?;
-        let lut = if map_x.dtype().itemsize() == 4 {
-            from_maps_of::<f32>(&map_x, &map_y, source_size)?
-        } else {
-            from_maps_of::<f64>(&map_x, &map_y, source_size)?
+        let (map_x, map_y) = (map_array("map_x", map_x)?, map_array("map_y", map_y)?);
+        let py = map_x.py();
+        let maps = MapPair::new(&map_x, &map_y)?;
+        let (_, columns) = maps.shape();
+        let lut = match &maps {
+            MapPair::F32(xs, ys) => {
+                let (xs, ys) = (xs.as_slice()?, ys.as_slice()?);
+                py.detach(|| Lut::from_maps(xs, ys, columns, source_size))?
+            }
+            MapPair::F64(xs, ys) => {
+                let (xs, ys) = (xs.as_slice()?, ys.as_slice()?);
+                py.detach(|| Lut::from_maps(xs, ys, columns, source_size))?
+            }
         };
         Ok(Self { lut })
     }
@@ -91,7 +100,9 @@ impl PyLut {
         let interpolation = interpolation.map_or(Ok(Interpolation::Bilinear), options::interpolation)?;
         let threads = threads.map(|threads| options::thread_count("threads", threads)).transpose()?;
         let layout = layout.map_or(Ok(Layout::Hwc), options::layout)?;
-        let image = ImageArray::new("image", image, layout)?;
+        let border_value = BorderValue::new(border_value)?;
+        let out = Output::new(out)?;
+        let image = ImageArray::new("image", shared::array("image", image, false)?, layout)?;
         self.check_size(&image)?;
         let job = Job { lut: &self.lut, image: &image, interpolation, border_value, out, threads };
         match (interpolation, image.sample_bytes(interpolation)?) {
@@ -234,8 +245,8 @@ struct Job<'a, 'py> {
     lut: &'a Lut,
     image: &'a ImageArray<'py>,
     interpolation: Interpolation,
-    border_value: Option<&'a Bound<'py, PyAny>>,
-    out: Option<&'a Bound<'py, PyAny>>,
+    border_value: BorderValue<'py>,
+    out: Output<'py>,
     threads: Option<usize>,
 }
 
@@ -254,7 +265,7 @@ impl<'py> Job<'_, 'py> {
 
     fn run<T: Sample>(self, warp: WarpFn<T>) -> PyResult<Bound<'py, PyAny>> {
         let py = self.image.dtype().py();
-        let border_value = options::border_value::<T>(self.border_value, self.image.dtype())?;
+        let border_value = self.border_value.samples::<T>(self.image.dtype())?;
         let (channels, values) = (self.image.channels(), border_value.len());
         if values != 1 && values != channels {
             return Err(Error::BorderChannels { expected: channels, got: values }.into());
@@ -265,9 +276,8 @@ impl<'py> Job<'_, 'py> {
         let views = read.views::<T>()?;
         self.lut.check_images(&views, &options)?; // before an output is allocated
         let (rows, columns) = (self.lut.rows(), self.lut.columns());
-        let given = self.out.filter(|out| !out.is_none());
-        let out = match given {
-            Some(out) => self.image.check_output(out, rows, columns)?,
+        let out = match self.out.array() {
+            Some(array) => self.image.check_output(array, rows, columns)?,
             None => self.image.new_output(rows, columns)?,
         };
         let mut write = out.write()?;
@@ -275,19 +285,6 @@ impl<'py> Job<'_, 'py> {
         py.detach(|| warp(self.lut, &views, &mut outs, &options))?;
         drop(outs);
         drop(write);
-        Ok(given.cloned().unwrap_or_else(|| out.into_array().into_any()))
+        Ok(self.out.given_or(out))
     }
-}
-
-/// A table from two checked maps of one dtype.
-fn from_maps_of<T: numpy::Element + Copy + Into<f64> + Sync>(
-    map_x: &Bound<'_, PyUntypedArray>,
-    map_y: &Bound<'_, PyUntypedArray>,
-    source_size: (u32, u32),
-) -> PyResult<Lut> {
-    let py = map_x.py();
-    let (map_x, map_y) = (contiguous::<T>(map_x)?, contiguous::<T>(map_y)?);
-    let columns = map_x.shape()[1];
-    let (xs, ys) = (map_x.as_slice()?, map_y.as_slice()?);
-    Ok(py.detach(|| Lut::from_maps(xs, ys, columns, source_size))?)
 }

@@ -1,41 +1,69 @@
 //! Maps as `cv2.remap` takes them.
 
-use numpy::{
-    PyArrayDescrMethods, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArray, PyUntypedArrayMethods,
-};
+use numpy::{PyArrayDescrMethods, PyReadonlyArrayDyn, PyUntypedArray, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 
-use super::convert::{tuple_text, type_name};
+use super::arrays;
+use super::convert::tuple_text;
 use super::error::classes::{ArgumentTypeError, DtypeError, LutError};
 
-/// Two maps of one shape and dtype.
-pub(super) fn map_pair<'py>(
-    map_x: &Bound<'py, PyAny>,
-    map_y: &Bound<'py, PyAny>,
-) -> PyResult<(Bound<'py, PyUntypedArray>, Bound<'py, PyUntypedArray>)> {
-    let (map_x, map_y) = (map_array("map_x", map_x)?, map_array("map_y", map_y)?);
-    if map_x.shape() != map_y.shape() {
-        return Err(LutError::new_err(format!(
-            "map_y: expected the shape of map_x, {}, got {}",
-            tuple_text(map_x.shape()),
-            tuple_text(map_y.shape())
-        )));
-    }
-    if !map_x.dtype().is_equiv_to(&map_y.dtype()) {
-        let message = format!("map_y: expected the dtype of map_x, {}, got {}", map_x.dtype(), map_y.dtype());
-        return Err(DtypeError::new_err(message));
-    }
-    Ok((map_x, map_y))
-}
-
-/// A map as an array of float32 or float64.
-fn map_array<'py>(name: &str, object: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyUntypedArray>> {
+/// A map as an array: all that runs Python code.
+pub(super) fn map_array<'py>(name: &str, object: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyUntypedArray>> {
     let Ok(array) = object.cast::<PyUntypedArray>() else {
-        let message = format!("{name}: expected a NumPy array of float32 or float64, got {}", type_name(object));
+        let got = arrays::described(object)?;
+        let message = format!("{name}: expected a NumPy array of float32 or float64, got {got}");
         return Err(ArgumentTypeError::new_err(message));
     };
+    arrays::own_class(name, array.clone())
+}
+
+/// Two maps of one shape and dtype, borrowed: C-contiguous, copied only where they are not.
+pub(super) enum MapPair<'py> {
+    F32(PyReadonlyArrayDyn<'py, f32>, PyReadonlyArrayDyn<'py, f32>),
+    F64(PyReadonlyArrayDyn<'py, f64>, PyReadonlyArrayDyn<'py, f64>),
+}
+
+impl<'py> MapPair<'py> {
+    pub(super) fn new(map_x: &Bound<'py, PyUntypedArray>, map_y: &Bound<'py, PyUntypedArray>) -> PyResult<Self> {
+        check("map_x", map_x)?;
+        check("map_y", map_y)?;
+        if map_x.shape() != map_y.shape() {
+            return Err(LutError::new_err(format!(
+                "map_y: expected the shape of map_x, {}, got {}",
+                tuple_text(map_x.shape()),
+                tuple_text(map_y.shape())
+            )));
+        }
+        if map_x.dtype().itemsize() != map_y.dtype().itemsize() {
+            let message = format!("map_y: expected the dtype of map_x, {}, got {}", map_x.dtype(), map_y.dtype());
+            return Err(DtypeError::new_err(message));
+        }
+        match map_x.dtype().itemsize() {
+            4 => Ok(Self::F32(borrow("map_x", map_x)?, borrow("map_y", map_y)?)),
+            _ => Ok(Self::F64(borrow("map_x", map_x)?, borrow("map_y", map_y)?)),
+        }
+    }
+
+    /// (rows, columns).
+    pub(super) fn shape(&self) -> (usize, usize) {
+        let shape = match self {
+            Self::F32(map_x, _) => map_x.shape(),
+            Self::F64(map_x, _) => map_x.shape(),
+        };
+        (shape[0], shape[1])
+    }
+}
+
+fn borrow<'py, T: numpy::Element>(
+    name: &str,
+    array: &Bound<'py, PyUntypedArray>,
+) -> PyResult<PyReadonlyArrayDyn<'py, T>> {
+    arrays::borrow(name, &arrays::require::<T>(name, array)?)
+}
+
+fn check(name: &str, array: &Bound<'_, PyUntypedArray>) -> PyResult<()> {
     let dtype = array.dtype();
-    if dtype.kind() != b'f' || !matches!(dtype.itemsize(), 4 | 8) || dtype.is_native_byteorder() == Some(false) {
+    if dtype.kind() != b'f' || !matches!(dtype.itemsize(), 4 | 8) {
         let mend = match dtype.kind() {
             b'f' => format!("use {name}.astype(numpy.float32)"),
             _ => "fixed-point maps come back with cv2.convertMaps(map1, map2, cv2.CV_32FC1)".to_owned(),
@@ -48,14 +76,5 @@ fn map_array<'py>(name: &str, object: &Bound<'py, PyAny>) -> PyResult<Bound<'py,
             "{name}: expected shape (rows, columns) with at least one cell, got {got}"
         )));
     }
-    Ok(array.clone())
-}
-
-/// An array in C order, copied only where it is not.
-pub(super) fn contiguous<'py, T: numpy::Element>(
-    array: &Bound<'py, PyUntypedArray>,
-) -> PyResult<PyReadonlyArrayDyn<'py, T>> {
-    let array = array.py().import("numpy")?.call_method1("ascontiguousarray", (array,))?;
-    let array = array.cast_into::<PyArrayDyn<T>>()?;
-    array.try_readonly().map_err(|error| LutError::new_err(format!("maps: {error}")))
+    Ok(())
 }

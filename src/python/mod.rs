@@ -23,6 +23,7 @@ macro_rules! help {
     };
 }
 
+mod arrays;
 mod camera;
 mod camera_geometry;
 mod camera_readers;

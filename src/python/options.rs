@@ -1,10 +1,12 @@
 //! The options of a warp.
 
-use numpy::{PyArrayDescr, PyArrayDescrMethods, PyUntypedArray, PyUntypedArrayMethods};
+use numpy::{PyArrayDescr, PyArrayDescrMethods, PyUntypedArrayMethods};
 use pyo3::prelude::*;
-use pyo3::types::{PyBool, PyBytes, PyFloat, PyInt, PyList, PyString, PyTuple};
+use pyo3::types::{PyBool, PyBytes, PyFloat, PyInt, PyList, PyTuple};
 
-use super::convert::type_name;
+use super::arrays;
+use super::convert::{Whole, text_of, type_name, whole_number, word};
+use super::error::OrRefuse;
 use super::error::classes::{ArgumentError, ArgumentTypeError};
 use super::layout::Layout;
 use crate::image::as_bytes_mut;
@@ -13,7 +15,7 @@ use crate::{BorderMode, Interpolation, Sample};
 /// `"bilinear"`, `"nearest"`, `"area"` or `"mode"`.
 pub(super) fn interpolation(object: &Bound<'_, PyAny>) -> PyResult<Interpolation> {
     let expected = "interpolation: expected \"bilinear\", \"nearest\", \"area\" or \"mode\"";
-    match name(expected, object)? {
+    match word(expected, object)?.as_ref() {
         "bilinear" => Ok(Interpolation::Bilinear),
         "nearest" => Ok(Interpolation::Nearest),
         "area" => Ok(Interpolation::Area),
@@ -25,7 +27,7 @@ pub(super) fn interpolation(object: &Bound<'_, PyAny>) -> PyResult<Interpolation
 /// `"constant"`, `"replicate"` or `"reflect_101"`.
 pub(super) fn border_mode(object: &Bound<'_, PyAny>) -> PyResult<BorderMode> {
     let expected = "border_mode: expected \"constant\", \"replicate\" or \"reflect_101\"";
-    match name(expected, object)? {
+    match word(expected, object)?.as_ref() {
         "constant" => Ok(BorderMode::Constant),
         "replicate" => Ok(BorderMode::Replicate),
         "reflect_101" => Ok(BorderMode::Reflect101),
@@ -36,16 +38,9 @@ pub(super) fn border_mode(object: &Bound<'_, PyAny>) -> PyResult<BorderMode> {
 /// `"HWC"`, `"CHW"`, `"NHWC"` or `"NCHW"`.
 pub(super) fn layout(object: &Bound<'_, PyAny>) -> PyResult<Layout> {
     let expected = "layout: expected \"HWC\", \"CHW\", \"NHWC\" or \"NCHW\"";
-    let got = name(expected, object)?;
+    let got = word(expected, object)?;
     let found = Layout::ALL.into_iter().find(|layout| layout.name() == got);
     found.ok_or_else(|| ArgumentError::new_err(format!("{expected}, got {got:?}")))
-}
-
-fn name<'a>(expected: &str, object: &'a Bound<'_, PyAny>) -> PyResult<&'a str> {
-    let Ok(text) = object.cast::<PyString>() else {
-        return Err(ArgumentTypeError::new_err(format!("{expected}, got {}", type_name(object))));
-    };
-    text.to_str()
 }
 
 /// A number of threads: a whole number of at least 1.
@@ -54,44 +49,91 @@ pub(super) fn thread_count(name: &str, object: &Bound<'_, PyAny>) -> PyResult<us
     if object.is_instance_of::<PyBool>() {
         return Err(ArgumentTypeError::new_err(format!("{}, got a bool", expected())));
     }
-    match object.extract::<i128>() {
-        Ok(count) if count > 0 => Ok(usize::try_from(count).unwrap_or(usize::MAX)),
-        Ok(count) => Err(ArgumentError::new_err(format!("{}, got {count}", expected()))),
-        Err(_) if object.is_instance_of::<PyInt>() => {
+    match whole_number(object)? {
+        Whole::Number(count) if count > 0 => Ok(usize::try_from(count).unwrap_or(usize::MAX)),
+        Whole::Number(count) => Err(ArgumentError::new_err(format!("{}, got {count}", expected()))),
+        Whole::Beyond => {
             Err(ArgumentError::new_err(format!("{} and of a sensible size, got one beyond 128 bits", expected())))
         }
-        Err(_) => Err(ArgumentTypeError::new_err(format!("{}, got {}", expected(), type_name(object)))),
+        Whole::Other => Err(ArgumentTypeError::new_err(format!("{}, got {}", expected(), type_name(object)))),
     }
 }
 
-/// The border value in the image's own dtype: one sample, or one for each channel.
-pub(super) fn border_value<T: Sample>(
-    object: Option<&Bound<'_, PyAny>>,
-    dtype: &Bound<'_, PyArrayDescr>,
-) -> PyResult<Vec<T>> {
-    let Some(object) = object else { return Ok(vec![T::default()]) };
-    // Python's own numbers are read at once: asking NumPy takes a microsecond, a tenth of a small image's warp
-    if is_number(object) {
-        return Ok(vec![sample(object, dtype)?]);
+/// A border value, read but of no dtype yet: reading it may run Python code, giving it a dtype does not.
+pub(super) struct BorderValue<'py> {
+    /// One, or one for each channel; `None` where nothing is said.
+    numbers: Option<Vec<Number<'py>>>,
+}
+
+/// A Python number.
+struct Number<'py> {
+    object: Bound<'py, PyAny>,
+    /// As a whole number; `None` where it has a fraction or 128 bits do not hold it.
+    whole: Option<i128>,
+    /// As float64; `None` beyond its range.
+    value: Option<f64>,
+}
+
+impl<'py> BorderValue<'py> {
+    /// Reads a number or a sequence of them; where nothing is said, it is 0.
+    pub(super) fn new(object: Option<&Bound<'py, PyAny>>) -> PyResult<Self> {
+        let Some(object) = object else { return Ok(Self { numbers: None }) };
+        // Python's own numbers are read at once: asking NumPy takes a microsecond, a tenth of a small image's warp
+        if is_number(object) {
+            return Ok(Self { numbers: Some(vec![Number::new(object.clone())?]) });
+        }
+        if let Ok(tuple) = object.cast::<PyTuple>()
+            && tuple.iter().all(|item| is_number(&item))
+        {
+            return Ok(Self { numbers: Some(tuple.iter().map(Number::new).collect::<PyResult<_>>()?) });
+        }
+        let refuse = || {
+            let got = text_of(object)?;
+            Ok(ArgumentTypeError::new_err(format!(
+                "border_value: expected a number or one for each channel, got {got}"
+            )))
+        };
+        let refusal = || refuse().unwrap_or_else(|error: PyErr| error);
+        // NumPy tells numbers from everything else; integers beyond 64 bits are objects to it
+        let array = arrays::any("border_value", object).or_refuse(object.py(), refusal)?;
+        if array.ndim() > 1 || array.len() > MOST_CHANNELS {
+            return Err(refusal());
+        }
+        let items = array.call_method0("ravel")?.call_method0("tolist")?.cast_into::<PyList>()?;
+        if !items.iter().all(|item| is_number(&item)) {
+            return Err(refusal());
+        }
+        Ok(Self { numbers: Some(items.iter().map(Number::new).collect::<PyResult<_>>()?) })
     }
-    if let Ok(tuple) = object.cast::<PyTuple>()
-        && tuple.iter().all(|item| is_number(&item))
-    {
-        return tuple.iter().map(|item| sample(&item, dtype)).collect();
+
+    /// In an image's own dtype: one sample, or one for each channel.
+    pub(super) fn samples<T: Sample>(&self, dtype: &Bound<'_, PyArrayDescr>) -> PyResult<Vec<T>> {
+        match &self.numbers {
+            None => Ok(vec![T::default()]),
+            Some(numbers) => numbers.iter().map(|number| sample(number, dtype)).collect(),
+        }
     }
-    let refuse = || {
-        let got = object.repr().map_or_else(|_| type_name(object), |text| text.to_string());
-        ArgumentTypeError::new_err(format!("border_value: expected a number or one for each channel, got {got}"))
-    };
-    // NumPy tells numbers from everything else; integers beyond 64 bits are objects to it
-    let numpy = object.py().import("numpy")?;
-    let array = numpy.call_method1("asarray", (object,)).map_err(|_| refuse())?;
-    let array = array.cast_into::<PyUntypedArray>().map_err(|_| refuse())?;
-    let items = array.call_method0("ravel")?.call_method0("tolist")?.cast_into::<PyList>()?;
-    if array.ndim() > 1 || !items.iter().all(|item| is_number(&item)) {
-        return Err(refuse());
+}
+
+/// No image has more channels; a longer border value is not read.
+const MOST_CHANNELS: usize = 1 << 20;
+
+impl<'py> Number<'py> {
+    fn new(object: Bound<'py, PyAny>) -> PyResult<Self> {
+        let py = object.py();
+        let (whole, value) = match object.cast::<PyFloat>() {
+            Ok(number) => {
+                let value = number.value();
+                ((value.fract() == 0.0 && value.abs() < 2e19).then_some(value as i128), Some(value))
+            }
+            Err(_) => match whole_number(&object)? {
+                Whole::Number(number) => (Some(number), Some(number as f64)),
+                // beyond float64: as good as infinite, but not the infinity that a float dtype holds
+                _ => (None, object.extract::<f64>().or_none(py)?),
+            },
+        };
+        Ok(Self { object, whole, value })
     }
-    items.iter().map(|item| sample(&item, dtype)).collect()
 }
 
 fn is_number(object: &Bound<'_, PyAny>) -> bool {
@@ -99,9 +141,9 @@ fn is_number(object: &Bound<'_, PyAny>) -> bool {
 }
 
 /// A Python number as a sample of a dtype of `T`'s size, if it can hold the number.
-fn sample<T: Sample>(number: &Bound<'_, PyAny>, dtype: &Bound<'_, PyArrayDescr>) -> PyResult<T> {
+fn sample<T: Sample>(number: &Number<'_>, dtype: &Bound<'_, PyArrayDescr>) -> PyResult<T> {
     let refuse = |expected: String| {
-        let got = number.repr().map_or_else(|_| type_name(number), |text| text.to_string());
+        let got = text_of(&number.object)?;
         Err(ArgumentError::new_err(format!("border_value: expected {expected} for {dtype}, got {got}")))
     };
     let of_bytes = |bytes: &[u8]| {
@@ -109,8 +151,6 @@ fn sample<T: Sample>(number: &Bound<'_, PyAny>, dtype: &Bound<'_, PyArrayDescr>)
         as_bytes_mut(&mut sample).copy_from_slice(bytes);
         sample[0]
     };
-    // beyond float64: as good as infinite, but not the infinity that a float dtype holds
-    let value = number.extract::<f64>().ok();
     let bits = 8 * dtype.itemsize();
     if dtype.kind() == b'f' {
         let largest = match bits {
@@ -118,14 +158,14 @@ fn sample<T: Sample>(number: &Bound<'_, PyAny>, dtype: &Bound<'_, PyArrayDescr>)
             32 => f64::from(f32::MAX),
             _ => f64::MAX,
         };
-        return match (value, bits) {
+        return match (number.value, bits) {
             (Some(value), _) if value.is_finite() && value.abs() > largest => {
                 refuse(format!("a number within +-{largest:e}"))
             }
             (Some(value), 32) => Ok(of_bytes(&(value as f32).to_ne_bytes())),
             (Some(value), 64) => Ok(of_bytes(&value.to_ne_bytes())),
             (Some(value), _) => {
-                let half = number.py().import("numpy")?.call_method1("float16", (value,))?;
+                let half = dtype.py().import("numpy")?.call_method1("float16", (value,))?;
                 Ok(of_bytes(half.call_method0("tobytes")?.cast_into::<PyBytes>()?.as_bytes()))
             }
             (None, _) => refuse(format!("a number within +-{largest:e}")),
@@ -136,11 +176,7 @@ fn sample<T: Sample>(number: &Bound<'_, PyAny>, dtype: &Bound<'_, PyArrayDescr>)
         (b'i', bits) => (-(1i128 << (bits - 1)), (1i128 << (bits - 1)) - 1),
         (_, bits) => (0, (1i128 << bits) - 1),
     };
-    let whole = number.extract::<i128>().ok().or_else(|| {
-        let whole = value.filter(|value| value.fract() == 0.0 && value.abs() < 2e19)?;
-        Some(whole as i128)
-    });
-    match whole {
+    match number.whole {
         Some(whole) if (lowest..=highest).contains(&whole) => Ok(match bits {
             8 => of_bytes(&(whole as u8).to_ne_bytes()),
             16 => of_bytes(&(whole as u16).to_ne_bytes()),

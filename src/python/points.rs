@@ -4,10 +4,10 @@ use numpy::{
     PyArrayDescrMethods, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArray, PyUntypedArrayMethods,
 };
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
 
-use super::convert::{tuple_text, type_name};
-use super::error::classes::{ArgumentError, ArgumentTypeError};
+use super::arrays;
+use super::convert::{rows_hint, tuple_text};
+use super::error::classes::ArgumentError;
 use crate::cloud::{PointSample, PointsView};
 
 /// An (N, k) array of float32 or float64 whose rows lie anywhere and whose columns are adjacent.
@@ -20,33 +20,16 @@ impl<'py> PointsArray<'py> {
     /// float64. `columns` are how many there may be, `expected` is how that is written.
     pub(super) fn new(
         name: &str,
-        object: &Bound<'py, PyAny>,
+        array: Bound<'py, PyUntypedArray>,
         columns: std::ops::RangeInclusive<usize>,
         expected: &str,
     ) -> PyResult<Self> {
-        let py = object.py();
-        let numpy = py.import("numpy")?;
-        let refuse = |got: String| {
-            ArgumentTypeError::new_err(format!("{name}: expected {expected} array of real numbers, got {got}"))
-        };
-        let array = match object.cast::<PyUntypedArray>() {
-            Ok(array) => array.clone(),
-            Err(_) => numpy
-                .call_method1("asarray", (object,))
-                .map_err(|_| refuse(format!("a ragged {}", type_name(object))))?
-                .cast_into::<PyUntypedArray>()
-                .map_err(|_| refuse(type_name(object)))?,
-        };
-        let dtype = array.dtype();
-        if !matches!(dtype.kind(), b'b' | b'i' | b'u' | b'f') {
-            return Err(refuse(format!("{} of dtype {dtype}", type_name(object))));
-        }
-        let shape = array.shape();
+        let (dtype, shape) = (array.dtype(), array.shape());
         if shape.len() != 2 || !columns.contains(&shape[1]) {
             return Err(ArgumentError::new_err(format!(
                 "{name}: expected shape {expected}, got {}{}",
                 tuple_text(shape),
-                if shape.len() == 1 { format!("; a single one is {name}[None]") } else { String::new() }
+                rows_hint(name, shape, 3)
             )));
         }
         let size = dtype.itemsize() as isize;
@@ -59,11 +42,11 @@ impl<'py> PointsArray<'py> {
         if as_it_is {
             return Ok(Self { array });
         }
-        let options = PyDict::new(py);
-        options.set_item("dtype", if dtype.kind() == b'f' && size == 4 { "float32" } else { "float64" })?;
-        options.set_item("order", "C")?;
-        let array = numpy.call_method("array", (array,), Some(&options))?;
-        Ok(Self { array: array.cast_into()? })
+        let array = match (dtype.kind(), size) {
+            (b'f', 4) => arrays::require::<f32>(name, &array)?.as_untyped().clone(),
+            _ => arrays::require::<f64>(name, &array)?.as_untyped().clone(),
+        };
+        Ok(Self { array })
     }
 
     pub(super) fn py(&self) -> Python<'py> {
@@ -81,8 +64,8 @@ impl<'py> PointsArray<'py> {
     }
 
     /// The array itself.
-    pub(super) fn array(&self) -> &Bound<'py, PyAny> {
-        self.array.as_any()
+    pub(super) fn array(&self) -> &Bound<'py, PyUntypedArray> {
+        &self.array
     }
 
     /// Whether they are float32, not float64.
@@ -94,10 +77,7 @@ impl<'py> PointsArray<'py> {
     pub(super) fn read(&self) -> PyResult<ReadingPoints<'_, 'py>> {
         // SAFETY: `PyArrayDyn<T>` is a transparent NumPy array whatever T is, and no element is read as T.
         let bytes: &Bound<'py, PyArrayDyn<u8>> = unsafe { self.array.cast_unchecked() };
-        let borrow = bytes.try_readonly().map_err(|_| {
-            ArgumentError::new_err("points: another call is writing to this memory; use one array a thread")
-        })?;
-        Ok(ReadingPoints { points: self, borrow })
+        Ok(ReadingPoints { points: self, borrow: arrays::borrow("points", bytes)? })
     }
 }
 

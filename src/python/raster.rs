@@ -1,13 +1,13 @@
 //! `rasterize`.
 
 use numpy::{
-    Element, PyArray1, PyArrayDescrMethods, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn, PyUntypedArray,
-    PyUntypedArrayMethods,
+    Element, PyArray1, PyArrayDescrMethods, PyArrayDyn, PyArrayMethods, PyUntypedArray, PyUntypedArrayMethods,
 };
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyString, PyTuple};
 
-use super::convert::{Floats, float, tuple_text, type_name};
+use super::arrays;
+use super::convert::{Floats, MOST_ITEMS, count_text, float, items, tuple_text, type_name, word};
 use super::error::classes::{ArgumentError, ArgumentTypeError, DtypeError};
 use super::grid::PyBevGrid;
 use super::options::thread_count;
@@ -52,8 +52,10 @@ pub(super) fn rasterize<'py>(
     let threads = threads.map(|object| thread_count("threads", object)).transpose()?;
     let options = RasterOptions { reduce: &reduce, slices: &slices, density_full, threads };
 
+    let points = array_of("points", points)?;
+    let values = values.map(|object| array_of("values", object)).transpose()?;
     let points = Table::points(points)?;
-    let values = values.map(|object| Table::values(object, &points)).transpose()?;
+    let values = values.map(|array| Table::values(array, &points)).transpose()?;
     let call = Call { grid, options: &options };
     match (points.kind(), values) {
         (Kind::F32, None) => points.with::<f32, _>(|points| call.z(py, points)),
@@ -178,16 +180,16 @@ fn reduces(object: &Bound<'_, PyAny>) -> PyResult<Vec<Reduce>> {
     let names = Reduce::ALL.map(|reduce| format!("\"{}\"", reduce.name())).join(", ");
     let expected = format!("reduce: expected names of layers among {names}");
     let refuse = |got: String| ArgumentTypeError::new_err(format!("{expected}, got {got}"));
-    let items: Vec<Bound<'_, PyAny>> = if object.is_instance_of::<PyString>() {
-        vec![object.clone()]
-    } else {
-        object.try_iter().map_err(|_| refuse(type_name(object)))?.collect::<PyResult<_>>()?
+    let items = match object.is_instance_of::<PyString>() {
+        true => vec![object.clone()],
+        false => items(object, refuse)?,
     };
-    if items.is_empty() {
-        return Err(ArgumentError::new_err(format!("{expected}, got none")));
+    if items.is_empty() || items.len() == MOST_ITEMS {
+        let got = if items.is_empty() { "none".to_owned() } else { count_text(items.len()) };
+        return Err(ArgumentError::new_err(format!("{expected}, got {got}")));
     }
     let one = |item: &Bound<'_, PyAny>| {
-        let Ok(name) = item.extract::<String>() else { return Err(refuse(type_name(item))) };
+        let name = word(&expected, item)?;
         let found = Reduce::ALL.into_iter().find(|reduce| reduce.name() == name);
         found.ok_or_else(|| ArgumentError::new_err(format!("{expected}, got {name:?}")))
     };
@@ -222,8 +224,7 @@ struct Table<'py> {
 }
 
 impl<'py> Table<'py> {
-    fn points(object: &Bound<'py, PyAny>) -> PyResult<Self> {
-        let array = array_of("points", object)?;
+    fn points(array: Bound<'py, PyUntypedArray>) -> PyResult<Self> {
         if !matches!(array.ndim(), 2 | 3) || array.shape()[array.ndim() - 1] < 2 {
             return Err(ArgumentError::new_err(format!(
                 "points: expected shape (N, 3), or (H, W, 3) of an organised cloud, with at least x, y in the last axis, got {}",
@@ -234,8 +235,7 @@ impl<'py> Table<'py> {
         Self::new("points", array, points_dims)
     }
 
-    fn values(object: &Bound<'py, PyAny>, points: &Self) -> PyResult<Self> {
-        let array = array_of("values", object)?;
+    fn values(array: Bound<'py, PyUntypedArray>, points: &Self) -> PyResult<Self> {
         let dims = points.points_dims;
         let expected = &points.array.shape()[..dims];
         if !(dims..=dims + 1).contains(&array.ndim()) || array.shape()[..dims] != *expected {
@@ -248,41 +248,28 @@ impl<'py> Table<'py> {
         Self::new("values", array, dims)
     }
 
+    /// Over the array's own memory where its numbers can be read there, else over a copy.
     fn new(name: &'static str, array: Bound<'py, PyUntypedArray>, points_dims: usize) -> PyResult<Self> {
-        let dtype = array.dtype();
-        if dtype.is_native_byteorder() == Some(false) {
-            return Err(DtypeError::new_err(format!(
-                "{name}: expected this machine's byte order, got {dtype}; use {name}.astype({name}.dtype.newbyteorder(\"=\"))"
-            )));
+        let array = arrays::native(name, array)?;
+        if let Some(strides) = strides_of(&array, points_dims) {
+            return Ok(Self::with_strides(name, array, strides, points_dims));
         }
-        let (shape, strides) = (array.shape(), array.strides());
-        let (columns, column_stride) = match shape.get(points_dims) {
-            Some(&columns) => (columns, strides[points_dims]),
-            None => (1, 0),
-        };
-        let rows = shape[..points_dims].iter().product();
-        // two axes of points are one if no row of the cloud has a gap behind it
-        let row_stride = match points_dims {
-            1 => strides[0],
-            _ if shape[0] <= 1 => strides[1],
-            _ if shape[1] == 1 => strides[0],
-            _ if strides[0] == strides[1].wrapping_mul(shape[1] as isize) || rows == 0 => strides[1],
-            _ => {
-                return Err(ArgumentError::new_err(format!(
-                    "{name}: expected rows without gaps between them, got shape {} with strides {strides:?}; use numpy.ascontiguousarray({name})",
-                    tuple_text(shape)
-                )));
-            }
-        };
-        let strides = (if rows > 1 { row_stride } else { 0 }, if columns > 1 { column_stride } else { 0 });
-        let sample = dtype.itemsize() as isize;
-        if sample == 0 || !array.is_aligned() || strides.0 % sample != 0 || strides.1 % sample != 0 {
-            return Err(ArgumentError::new_err(format!(
-                "{name}: expected aligned numbers with strides of whole numbers, got dtype {dtype} with strides {:?}; use numpy.ascontiguousarray({name})",
-                array.strides()
-            )));
-        }
-        Ok(Self { name, array, rows, columns, strides, points_dims })
+        let array = arrays::copied(name, &array, &array.dtype())?;
+        let columns = array.shape()[points_dims..].iter().product::<usize>() as isize;
+        let sample = array.dtype().itemsize() as isize;
+        Ok(Self::with_strides(name, array, (columns * sample, sample), points_dims))
+    }
+
+    fn with_strides(
+        name: &'static str,
+        array: Bound<'py, PyUntypedArray>,
+        strides: (isize, isize),
+        points_dims: usize,
+    ) -> Self {
+        let rows = array.shape()[..points_dims].iter().product();
+        let columns = array.shape().get(points_dims).copied().unwrap_or(1);
+        let strides = (if rows > 1 { strides.0 } else { 0 }, if columns > 1 { strides.1 } else { 0 });
+        Self { name, array, rows, columns, strides, points_dims }
     }
 
     fn kind(&self) -> Kind {
@@ -308,12 +295,12 @@ impl<'py> Table<'py> {
         assert_eq!(sample, self.array.dtype().itemsize(), "chosen by the dtype");
         // SAFETY: `PyArrayDyn<T>` is a transparent NumPy array whatever T is, and no element is read as T.
         let bytes: &Bound<'py, PyArrayDyn<u8>> = unsafe { self.array.cast_unchecked() };
-        let _borrow: PyReadonlyArrayDyn<'_, u8> = bytes.try_readonly().map_err(|_| {
-            ArgumentError::new_err(format!("{}: another call is writing to this memory; use a copy", self.name))
-        })?;
         if self.rows == 0 || self.columns == 0 {
             return work(&Strided::with_strides(&[], (self.rows, self.columns), 0, (0, 0))?);
         }
+        let borrowed = arrays::to_borrow(&self.array)?;
+        // SAFETY: as above.
+        let _borrow = arrays::borrow::<u8>(self.name, unsafe { borrowed.cast_unchecked() })?;
         let reach = |count: usize, stride: isize| stride * (count as isize - 1);
         let (down, across) = (reach(self.rows, self.strides.0), reach(self.columns, self.strides.1));
         let before = (down.min(0) + across.min(0)).unsigned_abs();
@@ -328,11 +315,31 @@ impl<'py> Table<'py> {
     }
 }
 
-/// The array of an argument; of a list, that of its numbers.
+/// Bytes from one point to the next, and from one number of a point to the next; `None` where no one step leads from
+/// each point to the next, or a step is no whole number of elements.
+fn strides_of(array: &Bound<'_, PyUntypedArray>, points_dims: usize) -> Option<(isize, isize)> {
+    let (shape, strides) = (array.shape(), array.strides());
+    let rows: usize = shape[..points_dims].iter().product();
+    // two axes of points are one if no row of the cloud has a gap behind it
+    let row = match points_dims {
+        1 => strides[0],
+        _ if shape[0] <= 1 => strides[1],
+        _ if shape[1] == 1 => strides[0],
+        _ if strides[0] == strides[1].wrapping_mul(shape[1] as isize) || rows == 0 => strides[1],
+        _ => return None,
+    };
+    let column = strides.get(points_dims).copied().unwrap_or(0);
+    let sample = array.dtype().itemsize().max(1) as isize;
+    let is_whole = |count: usize, stride: isize| count <= 1 || stride % sample == 0;
+    let columns = shape.get(points_dims).copied().unwrap_or(1);
+    (is_whole(rows, row) && is_whole(columns, column)).then_some((row, column))
+}
+
+/// The array of an argument; of a list, that of its numbers. Its Python code runs here.
 fn array_of<'py>(name: &str, object: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyUntypedArray>> {
     if object.is_instance_of::<PyList>() || object.is_instance_of::<PyTuple>() {
-        let floats = Floats::new(name, "an array", object)?;
-        return Ok(floats.into_array());
+        let array = arrays::numbers(name, "an array", object)?;
+        return Ok(arrays::require::<f64>(name, &array)?.as_untyped().clone());
     }
     shared::array(name, object, false)
 }

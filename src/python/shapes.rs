@@ -2,9 +2,10 @@
 
 use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadwriteArray2, PyUntypedArray, PyUntypedArrayMethods};
 use pyo3::prelude::*;
-use pyo3::types::PyInt;
 
-use super::convert::{Floats, tuple_text, type_name};
+use super::arrays;
+use super::convert::{Floats, MOST_ITEMS, Whole, items_up_to, tuple_text, type_name, whole_number};
+use super::error::OrRefuse;
 use super::error::classes::{ArgumentError, ArgumentTypeError, DtypeError};
 use super::raster::grid;
 use crate::BevGrid;
@@ -20,14 +21,14 @@ pub(super) fn rasterize_boxes<'py>(
     labels: Option<&Bound<'py, PyAny>>,
     background: Option<&Bound<'py, PyAny>>,
     out: Option<&Bound<'py, PyAny>>,
-) -> PyResult<Bound<'py, PyArray2<i32>>> {
+) -> PyResult<Bound<'py, PyAny>> {
     let grid = self::grid(grid)?;
-    let floats = Floats::new("boxes", "an (N, 5) array (x, y, length, width, yaw)", boxes)?;
-    let rows: &[[f64; 5]] = if floats.shape() == [0] { &[] } else { floats.rows::<5>("boxes")? };
-    let mut polygons = Vec::with_capacity(rows.len());
-    for (index, &numbers) in rows.iter().enumerate() {
-        polygons.push(box_corners(numbers, index)?.to_vec());
-    }
+    let polygons = {
+        let floats = Floats::new("boxes", "an (N, 5) array (x, y, length, width, yaw)", boxes)?;
+        let rows: &[[f64; 5]] = if floats.shape() == [0] { &[] } else { floats.rows::<5>("boxes")? };
+        let corners = |(index, &numbers): (usize, &_)| Ok(box_corners(numbers, index)?.to_vec());
+        rows.iter().enumerate().map(corners).collect::<PyResult<Vec<_>>>()?
+    };
     draw(boxes.py(), &polygons, grid, labels, background, out)
 }
 
@@ -40,16 +41,17 @@ pub(super) fn rasterize_polygons<'py>(
     labels: Option<&Bound<'py, PyAny>>,
     background: Option<&Bound<'py, PyAny>>,
     out: Option<&Bound<'py, PyAny>>,
-) -> PyResult<Bound<'py, PyArray2<i32>>> {
+) -> PyResult<Bound<'py, PyAny>> {
     let grid = self::grid(grid)?;
     let refuse = || {
         let got = type_name(polygons);
         ArgumentTypeError::new_err(format!("polygons: expected a list of (M, 2) arrays, one for each, got {got}"))
     };
     let mut corners = Vec::new();
-    for (index, polygon) in polygons.try_iter().map_err(|_| refuse())?.enumerate() {
+    let py = polygons.py();
+    for (index, polygon) in polygons.try_iter().or_refuse(py, refuse)?.enumerate() {
         let name = format!("polygons[{index}]");
-        let floats = Floats::new(&name, "an (M, 2) array", &polygon?)?;
+        let floats = Floats::new(&name, "an (M, 2) array", &polygon.or_refuse(py, refuse)?)?;
         let polygon = floats.rows::<2>(&name)?.to_vec();
         check_polygon(&polygon, index)?;
         corners.push(polygon);
@@ -65,7 +67,7 @@ fn draw<'py>(
     labels: Option<&Bound<'py, PyAny>>,
     background: Option<&Bound<'py, PyAny>>,
     out: Option<&Bound<'py, PyAny>>,
-) -> PyResult<Bound<'py, PyArray2<i32>>> {
+) -> PyResult<Bound<'py, PyAny>> {
     let labels = match labels {
         Some(object) => labels_of(object, polygons.len())?,
         None => (1..=polygons.len()).map(|index| i32::try_from(index).unwrap_or(i32::MAX)).collect(),
@@ -83,14 +85,10 @@ fn draw<'py>(
                 "background: expected none where out= is drawn on, got one; fill out with it first",
             ));
         }
-        let out = output(object, shape)?;
-        let mut borrow: PyReadwriteArray2<'_, i32> = out.try_readwrite().map_err(|error| {
-            ArgumentError::new_err(format!("out: expected a writable array that nobody else uses, got: {error}"))
-        })?;
-        let cells = borrow.as_slice_mut()?;
+        let mut out = output(object, shape)?;
+        let cells = out.as_slice_mut()?;
         py.detach(|| work(cells))?;
-        drop(borrow);
-        return Ok(out);
+        return Ok(object.clone());
     }
     let background = background.map_or(Ok(0), |object| label("background", object))?;
     let cells = shape[0] * shape[1];
@@ -99,27 +97,30 @@ fn draw<'py>(
     drawn.try_reserve_exact(cells).map_err(refuse)?;
     drawn.resize(cells, background);
     py.detach(|| work(&mut drawn))?;
-    PyArray1::from_vec(py, drawn).reshape(shape)
+    Ok(PyArray1::from_vec(py, drawn).reshape(shape)?.into_any())
 }
 
-/// An array that can be drawn on.
-fn output<'py>(object: &Bound<'py, PyAny>, shape: [usize; 2]) -> PyResult<Bound<'py, PyArray2<i32>>> {
+/// An array that can be drawn on, borrowed.
+fn output<'py>(object: &Bound<'py, PyAny>, shape: [usize; 2]) -> PyResult<PyReadwriteArray2<'py, i32>> {
     let Ok(array) = object.cast::<PyUntypedArray>() else {
         return Err(ArgumentTypeError::new_err(format!("out: expected a NumPy array, got {}", type_name(object))));
     };
+    let array = arrays::own_class("out", array.clone())?;
     if array.shape() != shape {
         let (expected, got) = (tuple_text(&shape), tuple_text(array.shape()));
         return Err(ArgumentError::new_err(format!("out: expected shape {expected}, that of the grid, got {got}")));
     }
-    let Ok(out) = object.cast::<PyArray2<i32>>() else {
+    let Ok(out) = array.cast::<PyArray2<i32>>() else {
         return Err(DtypeError::new_err(format!("out: expected dtype int32, got {}", array.dtype())));
     };
-    if !out.is_c_contiguous() {
+    if !out.is_c_contiguous() || !out.is_aligned() {
         return Err(ArgumentError::new_err(
-            "out: expected rows without gaps, got others; use numpy.empty(grid.shape, numpy.int32)",
+            "out: expected aligned rows without gaps, got others; use numpy.empty(grid.shape, numpy.int32)",
         ));
     }
-    Ok(out.clone())
+    out.try_readwrite().map_err(|error| {
+        ArgumentError::new_err(format!("out: expected a writable array that nobody else uses, got: {error}"))
+    })
 }
 
 /// A label for each shape.
@@ -128,24 +129,24 @@ fn labels_of(object: &Bound<'_, PyAny>, count: usize) -> PyResult<Vec<i32>> {
         let got = type_name(object);
         ArgumentTypeError::new_err(format!("labels: expected whole numbers, one for each, got {got}"))
     };
-    let items: Vec<_> = object.try_iter().map_err(|_| refuse())?.collect::<PyResult<_>>()?;
+    let items = items_up_to(count + MOST_ITEMS, object, |_| refuse())?;
     if items.len() != count {
+        let more = if items.len() == count + MOST_ITEMS { "at least " } else { "" };
         let got = items.len();
-        return Err(ArgumentError::new_err(format!("labels: expected one for each of the {count}, got {got}")));
+        return Err(ArgumentError::new_err(format!("labels: expected one for each of the {count}, got {more}{got}")));
     }
     items.iter().map(|item| label("labels", item)).collect()
 }
 
 /// A whole number that an int32 holds.
 fn label(name: &str, object: &Bound<'_, PyAny>) -> PyResult<i32> {
-    match object.extract::<i64>() {
-        Ok(number) => i32::try_from(number).map_err(|_| {
-            ArgumentError::new_err(format!("{name}: expected whole numbers from -2^31 to 2^31 - 1, got {number}"))
-        }),
-        Err(_) if object.is_instance_of::<PyInt>() => {
-            Err(ArgumentError::new_err(format!("{name}: expected whole numbers from -2^31 to 2^31 - 1, got {object}")))
-        }
-        Err(_) => {
+    let outside = |got: String| {
+        ArgumentError::new_err(format!("{name}: expected whole numbers from -2^31 to 2^31 - 1, got {got}"))
+    };
+    match whole_number(object)? {
+        Whole::Number(number) => i32::try_from(number).map_err(|_| outside(number.to_string())),
+        Whole::Beyond => Err(outside("one beyond 128 bits".to_owned())),
+        Whole::Other => {
             let got = type_name(object);
             Err(ArgumentTypeError::new_err(format!("{name}: expected whole numbers, got {got}")))
         }

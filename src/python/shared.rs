@@ -1,29 +1,33 @@
 //! Memory of other libraries as NumPy arrays: tensors, buffers, whatever shares what it holds without a copy.
 
 use numpy::{PyArrayDescrMethods, PyUntypedArray, PyUntypedArrayMethods};
-use pyo3::exceptions::PyException;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyMemoryView};
 
+use super::arrays;
 use super::convert::{tuple_text, type_name};
 use super::error::classes::ArgumentTypeError;
+use super::error::{OrRefuse, about_argument, error_text};
 
 /// DLPack's device types whose memory the CPU reaches, as NumPy lists them: CPU, CUDA host, ROCm host, CUDA managed.
 const HOST_DEVICES: [i64; 4] = [1, 3, 11, 13];
 
-/// The array of an argument: the object itself if it is one, else a view of the memory that it shares.
+/// The array of an argument: the object itself if it is one, else a view of the memory that it shares. Its Python code
+/// runs here.
 ///
 /// # Errors
+/// `ArgumentError` for a masked array.
 /// `ArgumentTypeError` where the memory is on another device or cannot be had without a copy.
 pub(super) fn array<'py>(
     name: &str,
     object: &Bound<'py, PyAny>,
     writable: bool,
 ) -> PyResult<Bound<'py, PyUntypedArray>> {
-    match object.cast::<PyUntypedArray>() {
-        Ok(array) => Ok(array.clone()),
-        Err(_) => shared(name, object, writable),
-    }
+    let array = match object.cast::<PyUntypedArray>() {
+        Ok(array) => array.clone(),
+        Err(_) => shared(name, object, writable)?,
+    };
+    arrays::own_class(name, array)
 }
 
 /// A way to an array, if the object offers it.
@@ -31,6 +35,11 @@ type Way = for<'py> fn(&Bound<'py, PyAny>) -> PyResult<Option<Bound<'py, PyUntyp
 
 #[cold]
 fn shared<'py>(name: &str, object: &Bound<'py, PyAny>, writable: bool) -> PyResult<Bound<'py, PyUntypedArray>> {
+    let py = object.py();
+    if object.is_none() {
+        let got = arrays::described(object)?;
+        return Err(ArgumentTypeError::new_err(format!("{name}: expected an array, got {got}")));
+    }
     check_device(name, object)?;
     // DLPack hands out read-only memory where the producer or NumPy are older than its version 1; NumPy's own protocols
     // know whether it may be written to. They, in turn, are not everywhere.
@@ -43,25 +52,30 @@ fn shared<'py>(name: &str, object: &Bound<'py, PyAny>, writable: bool) -> PyResu
                 break;
             }
             Ok(array) => found = found.or(array),
-            Err(error) if error.is_instance_of::<PyException>(object.py()) => problem = problem.or(Some(error)),
-            Err(error) => return Err(error), // an interrupt is not ours to explain
+            Err(error) => problem = problem.or(Some(about_argument(py, error)?)),
         }
     }
-    let got = type_name(object);
     match (found, problem) {
         (Some(array), _) if array.ndim() >= 2 => Ok(array),
         (Some(array), _) => Err(ArgumentTypeError::new_err(format!(
-            "{name}: expected an array with rows and columns, got {got} of shape {}; use numpy.frombuffer({name}, dtype).reshape(shape)",
+            "{name}: expected an array with rows and columns, got {} of shape {}; use numpy.frombuffer({name}, dtype).reshape(shape)",
+            type_name(object),
             tuple_text(array.shape())
         ))),
-        (None, None) => Err(ArgumentTypeError::new_err(format!(
-            "{name}: expected a NumPy array or memory that is shared as one (DLPack, buffer protocol), got {got}; use numpy.asarray({name})"
-        ))),
+        (None, None) => {
+            let got = arrays::described(object)?;
+            let mend = if got.contains(';') { String::new() } else { format!("; use numpy.asarray({name})") };
+            Err(ArgumentTypeError::new_err(format!(
+                "{name}: expected a NumPy array or memory that is shared as one (DLPack, buffer protocol), got {got}{mend}"
+            )))
+        }
         (None, Some(problem)) => {
-            let message =
-                format!("{name}: expected a NumPy array or memory that is shared as one, got {got}: {problem}");
-            let error = ArgumentTypeError::new_err(message);
-            error.set_cause(object.py(), Some(problem));
+            let why = error_text(py, &problem)?;
+            let error = ArgumentTypeError::new_err(format!(
+                "{name}: expected a NumPy array or memory that is shared as one, got {}: {why}",
+                type_name(object)
+            ));
+            error.set_cause(py, Some(problem));
             Err(error)
         }
     }
@@ -69,13 +83,17 @@ fn shared<'py>(name: &str, object: &Bound<'py, PyAny>, writable: bool) -> PyResu
 
 /// Refuses memory of a device that the CPU does not reach.
 fn check_device(name: &str, object: &Bound<'_, PyAny>) -> PyResult<()> {
-    let Some(device) = object.getattr_opt("__dlpack_device__")? else { return Ok(()) };
-    match device.call0().and_then(|device| device.extract::<(i64, i64)>()) {
-        Ok((kind, _)) if !HOST_DEVICES.contains(&kind) => Err(ArgumentTypeError::new_err(format!(
+    let py = object.py();
+    let device =
+        object.getattr_opt("__dlpack_device__").and_then(|method| method.map(|method| method.call0()).transpose());
+    // if it is broken, so is the export, and that says why
+    let Some(device) = device.or_none(py)?.flatten() else { return Ok(()) };
+    match device.extract::<(i64, i64)>().or_none(py)? {
+        Some((kind, _)) if !HOST_DEVICES.contains(&kind) => Err(ArgumentTypeError::new_err(format!(
             "{name}: expected memory of the CPU, got {} on another device (DLPack device type {kind}); use {name}.cpu()",
             type_name(object)
         ))),
-        _ => Ok(()), // if it is broken, so is the export, and that says why
+        _ => Ok(()),
     }
 }
 
@@ -89,7 +107,8 @@ fn by_dlpack<'py>(object: &Bound<'py, PyAny>) -> PyResult<Option<Bound<'py, PyUn
 
 /// By the buffer protocol, `__array_interface__`, `__array_struct__` or `__array__`, if that is not a copy.
 fn by_numpy<'py>(object: &Bound<'py, PyAny>) -> PyResult<Option<Bound<'py, PyUntypedArray>>> {
-    let mut shares = !object.is_instance_of::<PyBytes>() && PyMemoryView::from(object).is_ok();
+    let is_buffer = || PyMemoryView::from(object).or_none(object.py()).map(|view| view.is_some());
+    let mut shares = !object.is_instance_of::<PyBytes>() && is_buffer()?;
     for protocol in ["__array_interface__", "__array_struct__", "__array__"] {
         shares = shares || object.hasattr(protocol)?;
     }

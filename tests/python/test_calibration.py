@@ -231,7 +231,9 @@ def test_no_such_file(tmp_path):
 @pytest.mark.parametrize("name", ["", ".", "\0", "a" * 5000], ids=["empty", "directory", "null byte", "too long"])
 def test_unreadable_name(name, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    with refuses(errors.FileError, "expected a readable", "got"):
+    with refuses(
+        errors.FileError, "expected a name that a file can have" if "\0" in name else "expected a readable", "got"
+    ):
         cityscapes.read(name)
 
 

@@ -189,7 +189,7 @@ def perspective(matrix, dsize=(90, 120), **options):
         (perspective(np.eye(3), (90.5, 120)), errors.ArgumentTypeError, ["dsize"]),
         (perspective(np.eye(3), (2**40, 120)), errors.ArgumentError, ["dsize", "2^32"]),
         (perspective(np.eye(3), inverse_map=1), errors.ArgumentTypeError, ["inverse_map", "True or False", "int"]),
-        (remap(MAP_X.astype(">f4"), MAP_Y), errors.DtypeError, ["map_x", ">f4", "astype"]),
+        (remap(MAP_X.astype("f2"), MAP_Y), errors.DtypeError, ["map_x", "float16", "astype"]),
     ],
 )
 def test_mistakes_are_refused_and_nothing_is_written(call, error, phrases):

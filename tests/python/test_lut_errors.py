@@ -35,7 +35,7 @@ def test_empty_maps(shape):
         ipm_rs.Lut.from_maps(np.ones(shape), np.ones(shape), source_size=(6, 4))
 
 
-@pytest.mark.parametrize("dtype", ["int16", "int64", "uint8", "float16", "complex128", "object", "bool", ">f4", ">f8"])
+@pytest.mark.parametrize("dtype", ["int16", "int64", "uint8", "float16", "complex128", "object", "bool"])
 def test_maps_of_other_dtypes(dtype):
     with refuses(errors.DtypeError, "map_x", "float32", "float64", np.dtype(dtype).name.replace("float64", "f8")[:2]):
         ipm_rs.Lut.from_maps(X.astype(dtype), Y.astype(dtype), source_size=(6, 4))

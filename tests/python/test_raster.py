@@ -249,7 +249,6 @@ def test_more_cells_than_there_may_be():
     ("error", "call", "phrases"),
     [
         (errors.DtypeError, lambda p: ipm_rs.rasterize(p.astype(int), GRID), ["float32 or float64", "int64", "astype"]),
-        (errors.DtypeError, lambda p: ipm_rs.rasterize(p.astype(">f4"), GRID), ["byte order", ">f4"]),
         (errors.DtypeError, lambda p: ipm_rs.rasterize(p, GRID, p[:, 0].astype("f2")), ["values", "float16"]),
         (errors.DtypeError, lambda p: ipm_rs.rasterize(p, GRID, p[:, 0].astype(complex)), ["values", "complex"]),
         (errors.ArgumentError, lambda p: ipm_rs.rasterize(p[:, 0], GRID), ["(N, 3)", "(9,)"]),
@@ -283,12 +282,13 @@ def test_mistakes(error, call, phrases):
 
 
 def test_gaps_that_no_stride_can_say():
-    organised = np.zeros((6, 8, 3), np.float32)[:, ::2][:, :3]
-    with refuses(errors.ArgumentError, "without gaps", "ascontiguousarray"):
-        ipm_rs.rasterize(organised, GRID)
+    organised = cloud(48 * 2).reshape(6, 16, -1)[:, ::2][:, :5, :3]
     records = np.zeros(5, dtype=[("x", "f4"), ("y", "f4"), ("z", "f4"), ("label", "u1")])
-    with refuses(errors.ArgumentError, "ascontiguousarray"):
-        ipm_rs.rasterize(np.ndarray((5, 3), np.float32, records, strides=(13, 4)), GRID)
+    packed = np.ndarray((5, 3), np.float32, records, strides=(13, 4))
+    packed[:] = cloud(5)[:, :3]
+    for points in (organised, packed):
+        got, expected = (ipm_rs.rasterize(each, GRID) for each in (points, points.copy()))
+        assert all(same(got[name], expected[name]) for name in expected)
 
 
 def test_layers_are_a_dict_that_remembers():

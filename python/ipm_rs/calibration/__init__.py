@@ -241,7 +241,7 @@ def load(
     FileError, MissingFileError
         The file cannot be read.
     """
-    document = open_document(path, "")
+    document = open_document(path, "", argument="path")
     name = _recognise(document)
     module = reader(name)
     accepted = inspect.signature(module.read).parameters
@@ -258,6 +258,6 @@ def load(
     if image_size is not None and "image_size" in accepted:
         options["image_size"] = image_size
     result = module.read(document, **options)
-    same_size(image_size, result.image_size, os.fspath(path))
-    _log.info("%s: read as %s (%s): %r", os.fspath(path), name, module.TITLE, result)
+    same_size(image_size, result.image_size, document.origin)
+    _log.info("%s: read as %s (%s): %r", document.origin, name, module.TITLE, result)
     return result

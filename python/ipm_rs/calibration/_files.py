@@ -8,6 +8,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from ipm_rs._arguments import path_text
 from ipm_rs.calibration._checks import Section, describe
 from ipm_rs.calibration._filestorage import parse_documents
 from ipm_rs.calibration._jsontext import parse_json
@@ -185,10 +186,7 @@ def open_document(source: Any, title: str, *, or_mapping: bool = False, argument
         wanted = "a path or a mapping" if or_mapping else "a path"
         mend = "pass the file's name" + (", or the mapping that json.load() returns" if or_mapping else "")
         raise ArgumentTypeError(f"{argument}: expected {wanted}, got {type(source).__name__}; {mend}")
-    path = os.fspath(source)
-    if not isinstance(path, str):
-        raise ArgumentTypeError(f"{argument}: expected a text path, got {path!r}; decode it with os.fsdecode()")
-    return Document(path, title)
+    return Document(path_text(argument, source), title)
 
 
 def read_json(source: Any, title: str) -> Section:

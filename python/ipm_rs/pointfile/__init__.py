@@ -31,6 +31,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ipm_rs._arguments import array_of
 from ipm_rs.errors import ArgumentError, ArgumentTypeError, FileError
 from ipm_rs.files import as_path, atomically, check_source, check_target, reading
 
@@ -132,7 +133,7 @@ def write(
 
     path = as_path(path)
     ending = check_name(path)
-    table = _table(points, values or {})
+    table = _table(points, {} if values is None else values)
     check_target(path)
     if os.path.lexists(path) and not force:
         raise FileError(f"{path}: expected a new file, got one that exists; give another name, or force=True")
@@ -189,7 +190,7 @@ def _cloud(path: Path, table: dict[str, NDArray[Any]]) -> Cloud:
 
 def _table(points: ArrayLike, values: Mapping[str, ArrayLike]) -> dict[str, NDArray[Any]]:
     """Columns by name, of the dtypes that files hold."""
-    xyz = _array("points", points)
+    xyz = array_of("points", points)
     if xyz.dtype.kind not in "fiub":
         raise ArgumentTypeError(f"points: expected real numbers, got dtype {xyz.dtype}")
     if xyz.ndim != 2 or xyz.shape[1] != 3:
@@ -197,9 +198,12 @@ def _table(points: ArrayLike, values: Mapping[str, ArrayLike]) -> dict[str, NDAr
         raise ArgumentError(f"points: expected shape (N, 3), got {xyz.shape}{mend}")
     if xyz.dtype != np.float32:
         xyz = xyz.astype(np.float64)
+    if not isinstance(values, Mapping):
+        got = type(values).__name__
+        raise ArgumentTypeError(f"values: expected a mapping of names to arrays, got {got}; give {{name: array}}")
     table: dict[str, NDArray[Any]] = dict(zip("xyz", xyz.T, strict=True))
     for name, items in values.items():
-        column = _array(f"values[{name!r}]", items)
+        column = array_of(f"values[{name!r:.80}]", items)
         if not isinstance(name, str) or not name.isascii() or not name.replace("_", "a").isalnum() or name in table:
             raise ArgumentError(f"values: expected names of letters, digits and _, other than x, y, z, got {name!r}")
         if column.shape != (len(xyz),):
@@ -216,16 +220,3 @@ def _table(points: ArrayLike, values: Mapping[str, ArrayLike]) -> dict[str, NDAr
             column = column.astype(np.float32)
         table[name] = column
     return table
-
-
-def _array(what: str, numbers: ArrayLike) -> NDArray[Any]:
-    if isinstance(numbers, np.ma.MaskedArray):
-        raise ArgumentTypeError(
-            f"{what}: expected a plain array, got a masked one; use .filled(np.nan) or .compressed()"
-        )
-    try:
-        return np.asarray(numbers)
-    except (ValueError, TypeError) as error:
-        raise ArgumentTypeError(
-            f"{what}: expected an array of numbers, got {type(numbers).__name__}: {error}"
-        ) from error

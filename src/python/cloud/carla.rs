@@ -3,13 +3,14 @@
 use numpy::{PyArrayDescrMethods, dtype};
 use pyo3::prelude::*;
 
-use super::options::{channel_order, depth_image, wrong_dtype};
-use crate::cloud::{DepthUnit, PointSample, decode_carla_depth_into, encode_carla_depth_into};
+use super::options::{depth_image, named_order, order_of_channels, wrong_dtype};
+use crate::cloud::{ChannelOrder, DepthUnit, PointSample, decode_carla_depth_into, encode_carla_depth_into};
 use crate::python::convert::{flag, tuple_text};
 use crate::python::error::classes::ImageError;
-use crate::python::image::ImageArray;
+use crate::python::image::{ImageArray, Output};
 use crate::python::layout::Layout;
 use crate::python::options::thread_count;
+use crate::python::shared;
 
 fn unit(normalized: Option<&Bound<'_, PyAny>>) -> PyResult<DepthUnit> {
     Ok(match normalized.map_or(Ok(false), |object| flag("normalized", object))? {
@@ -32,7 +33,11 @@ pub(in crate::python) fn decode_carla_depth<'py>(
     threads: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<Bound<'py, PyAny>> {
     let py = image.py();
-    let image = ImageArray::new("image", image, Layout::Hwc)?;
+    let named_order = order.map(named_order).transpose()?;
+    let unit = unit(normalized)?;
+    let threads = threads.map(|threads| thread_count("threads", threads)).transpose()?;
+    let out = Output::new(out)?;
+    let image = ImageArray::new("image", shared::array("image", image, false)?, Layout::Hwc)?;
     if !(image.dtype().kind() == b'u' && image.dtype().itemsize() == 1) {
         return Err(wrong_dtype("image", "uint8", image.dtype(), "the code is three bytes, so read the file as 8-bit"));
     }
@@ -41,25 +46,23 @@ pub(in crate::python) fn decode_carla_depth<'py>(
         let message = format!("image: expected shape (H, W, 4) or (H, W, 3) of colour-coded depth, got {got}");
         return Err(ImageError::new_err(message));
     };
-    let (order, unit) = (channel_order(order, Some(channels))?, unit(normalized)?);
-    let threads = threads.map(|threads| thread_count("threads", threads)).transpose()?;
+    let order = order_of_channels(named_order, channels)?;
     let (shape, float32) = ([rows, columns], dtype::<f32>(py));
     let read = image.read()?;
     let views = read.views::<u8>()?;
-    let given = out.filter(|out| !out.is_none());
-    let out = match given {
-        Some(out) => {
+    let written = match out.array() {
+        Some(array) => {
             let dtype = (&float32, "which depth is decoded to", "numpy.float32");
-            ImageArray::output(out, &shape, dtype, Layout::Hwc, &[("image", &image)])?
+            ImageArray::output(array, &shape, dtype, Layout::Hwc, &[("image", &image)])?
         }
         None => ImageArray::allocate(&shape, float32, Layout::Hwc)?,
     };
-    let mut write = out.write()?;
+    let mut write = written.write()?;
     let mut outs = write.views::<f32>();
     py.detach(|| decode_carla_depth_into(&views[0], order, unit, &mut outs[0], threads))?;
     drop(outs);
     drop(write);
-    Ok(given.cloned().unwrap_or_else(|| out.into_array().into_any()))
+    Ok(out.given_or(written))
 }
 
 #[doc = help!("encode_carla_depth")]
@@ -74,23 +77,24 @@ pub(in crate::python) fn encode_carla_depth<'py>(
     normalized: Option<&Bound<'py, PyAny>>,
     threads: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<Bound<'py, PyAny>> {
-    let image = depth_image("depth", depth)?;
+    let order = order.map_or(Ok(ChannelOrder::Bgra), named_order)?;
+    let unit = unit(normalized)?;
+    let threads = threads.map(|threads| thread_count("threads", threads)).transpose()?;
+    let image = depth_image("depth", shared::array("depth", depth, false)?)?;
     match (image.dtype().kind(), image.dtype().itemsize()) {
-        (b'f', 4) => encode::<f32>(&image, order, normalized, threads),
-        (b'f', 8) => encode::<f64>(&image, order, normalized, threads),
+        (b'f', 4) => encode::<f32>(&image, order, unit, threads),
+        (b'f', 8) => encode::<f64>(&image, order, unit, threads),
         _ => Err(wrong_dtype("depth", "float32 or float64", image.dtype(), "use depth * metres_per_unit")),
     }
 }
 
 fn encode<'py, T: PointSample>(
     depth: &ImageArray<'py>,
-    order: Option<&Bound<'py, PyAny>>,
-    normalized: Option<&Bound<'py, PyAny>>,
-    threads: Option<&Bound<'py, PyAny>>,
+    order: ChannelOrder,
+    unit: DepthUnit,
+    threads: Option<usize>,
 ) -> PyResult<Bound<'py, PyAny>> {
     let py = depth.dtype().py();
-    let (order, unit) = (channel_order(order, None)?, unit(normalized)?);
-    let threads = threads.map(|threads| thread_count("threads", threads)).transpose()?;
     let read = depth.read()?;
     let views = read.views::<T>()?;
     let shape = [depth.shape()[0], depth.shape()[1], order.channels()];

@@ -8,10 +8,12 @@ use pyo3::types::PyTuple;
 use super::gather;
 use super::options::depth_image;
 use crate::cloud::{PointSample, carla_084_points, depth_to_lidar as lidar};
-use crate::python::convert::{float, matrix3, tuple_text, type_name, whole};
-use crate::python::error::classes::{ArgumentError, ArgumentTypeError, ImageError};
+use crate::python::arrays;
+use crate::python::convert::{float, matrix3, tuple_text, whole};
+use crate::python::error::classes::{ArgumentError, ImageError};
 use crate::python::image::ImageArray;
 use crate::python::layout::Layout;
+use crate::python::shared;
 
 #[doc = help!("depth_to_lidar")]
 #[pyfunction]
@@ -28,8 +30,8 @@ pub(in crate::python) fn depth_to_lidar<'py>(
     max_depth: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<Bound<'py, PyTuple>> {
     let size = (whole("w", w)? as usize, whole("h", h)? as usize);
-    let image = normalized("normalized_depth", normalized_depth, Some(size))?;
     let (k, max_depth) = (matrix3("K", K)?, limit(max_depth)?);
+    let image = normalized(arrays::numbers(DEPTH, "an array", normalized_depth)?, Some(size))?;
     if image.dtype().itemsize() == 4 {
         lidar_as::<f32>(&image, &k, max_depth)
     } else {
@@ -64,15 +66,15 @@ pub(in crate::python) fn depth_to_local_point_cloud<'py>(
     color: Option<&Bound<'py, PyAny>>,
     max_depth: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<Bound<'py, PyAny>> {
-    let image = normalized("normalized_depth", normalized_depth, None)?;
     let (fov, max_depth) = (float("fov", fov)?, limit(max_depth)?);
     if !(fov > 0.0 && fov < 180.0) {
         let message =
             format!("fov: expected the horizontal field of view in degrees, above 0 and below 180, got {fov}");
         return Err(ArgumentError::new_err(message));
     }
-    let color = color.filter(|color| !color.is_none()).map(|color| ImageArray::new("color", color, Layout::Hwc));
-    let color = color.transpose()?;
+    let color = color.filter(|color| !color.is_none()).map(|color| shared::array("color", color, false)).transpose()?;
+    let image = normalized(arrays::numbers(DEPTH, "an array", normalized_depth)?, None)?;
+    let color = color.map(|color| ImageArray::new("color", color, Layout::Hwc)).transpose()?;
     if let Some(color) = &color
         && color.size() != image.size()
     {
@@ -119,26 +121,20 @@ fn limit(object: Option<&Bound<'_, PyAny>>) -> PyResult<f64> {
     Ok(limit)
 }
 
+const DEPTH: &str = "normalized_depth";
+
 /// A depth image of float32, or of float64 where it was of anything else; flat ones are taken where the size is known.
-fn normalized<'py>(name: &str, object: &Bound<'py, PyAny>, size: Option<(usize, usize)>) -> PyResult<ImageArray<'py>> {
-    let numpy = object.py().import("numpy")?;
-    let refuse =
-        |got: String| ArgumentTypeError::new_err(format!("{name}: expected an array of real numbers, got {got}"));
-    let array =
-        numpy.call_method1("asarray", (object,)).map_err(|_| refuse(format!("a ragged {}", type_name(object))))?;
-    let array = array.cast_into::<PyUntypedArray>().map_err(|_| refuse(type_name(object)))?;
+fn normalized<'py>(array: Bound<'py, PyUntypedArray>, size: Option<(usize, usize)>) -> PyResult<ImageArray<'py>> {
     let array = match (array.dtype().kind(), array.dtype().itemsize()) {
-        (b'f', 4) => numpy.call_method1("ascontiguousarray", (array, "float32"))?,
-        (b'b' | b'i' | b'u' | b'f', _) => numpy.call_method1("ascontiguousarray", (array, "float64"))?,
-        _ => return Err(refuse(format!("{} of dtype {}", type_name(object), array.dtype()))),
+        (b'f', 4) => arrays::require::<f32>(DEPTH, &array)?.as_untyped().clone(),
+        _ => arrays::require::<f64>(DEPTH, &array)?.as_untyped().clone(),
     };
-    let array = array.cast_into::<PyUntypedArray>()?;
-    let Some((width, height)) = size else { return depth_image(name, array.as_any()) };
+    let Some((width, height)) = size else { return depth_image(DEPTH, array) };
     if array.len() != width * height || array.is_empty() || array.ndim() > 3 {
         return Err(ImageError::new_err(format!(
-            "{name}: expected {height} x {width} numbers, as h and w say, and at least one, got shape {}",
+            "{DEPTH}: expected {height} x {width} numbers, as h and w say, and at least one, got shape {}",
             tuple_text(array.shape())
         )));
     }
-    depth_image(name, &numpy.call_method1("reshape", (array, (height, width)))?)
+    depth_image(DEPTH, array.call_method1("reshape", ((height, width),))?.cast_into()?)
 }

@@ -1,21 +1,23 @@
 //! `points_from_depth`.
 
-use numpy::{PyArray1, PyArrayDescrMethods, PyArrayMethods, dtype};
+use numpy::{PyArray1, PyArrayDescrMethods, PyArrayMethods, PyUntypedArray, dtype};
 use pyo3::prelude::*;
 use pyo3::types::{PyList, PyTuple};
 
 use super::gather;
-use super::options::{self, View, depth_image, mask_image, wrong_dtype};
+use super::options::{self, View, Viewer, depth_image, mask_image, wrong_dtype};
 use crate::ImageView;
 use crate::cloud::{
     DepthOptions, DepthSample, PointSample, check_points, cloud_from_depth, points_from_depth_into, points_size,
 };
 use crate::geometry::Pose;
-use crate::python::convert::{flag, float, tuple_text, whole};
+use crate::python::convert::{flag, float, text_of, tuple_text, whole};
+use crate::python::error::OrRefuse;
 use crate::python::error::classes::{ArgumentError, ImageError};
-use crate::python::image::ImageArray;
+use crate::python::image::{ImageArray, Output};
 use crate::python::layout::Layout;
 use crate::python::options::thread_count;
+use crate::python::shared;
 
 #[doc = help!("points_from_depth")]
 #[pyfunction]
@@ -44,33 +46,44 @@ pub(in crate::python) fn points_from_depth<'py>(
     out: Option<&Bound<'py, PyAny>>,
     threads: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<Bound<'py, PyAny>> {
-    let depth = depth_image("depth", depth)?;
-    let view = View::new(K, depth.size())?;
-    let frame_from_camera = options::frame(frame, &view)?;
+    let viewer = Viewer::new(K)?;
+    let frame_from_camera = options::frame(frame, &viewer)?;
     let (min_depth, max_depth) = options::depth_limits(min_depth, max_depth)?;
+    let depth_scale = depth_scale.filter(|scale| !scale.is_none()).map(|scale| float("depth_scale", scale));
+    let depth_scale = depth_scale.transpose()?;
     let options = DepthOptions {
         kind: options::depth_kind(kind)?,
-        scale: scale(&depth, depth_scale)?,
+        scale: depth_scale.unwrap_or(1.0),
         min_depth,
         max_depth,
         stride: stride.map_or(Ok(1), |object| whole("stride", object))? as usize,
         threads: threads.map(|threads| thread_count("threads", threads)).transpose()?,
     };
-    let mask = mask.filter(|mask| !mask.is_none()).map(mask_image).transpose()?;
-    let compact = compact.map_or(Ok(false), |object| flag("compact", object))?;
-    let given = |object: Option<&Bound<'py, PyAny>>| object.filter(|object| !object.is_none()).cloned();
-    let call = Call { depth, view, frame_from_camera, options, mask, values: given(values), out: given(out) };
+    let (compact, double) = (compact.map_or(Ok(false), |object| flag("compact", object))?, double(dtype)?);
+    let mask = mask.filter(|mask| !mask.is_none()).map(|mask| shared::array("mask", mask, false)).transpose()?;
+    let values = values.filter(|values| !values.is_none()).map(Attributes::new).transpose()?;
+    let out = Output::new(out)?;
+
+    let depth = depth_image("depth", shared::array("depth", depth, false)?)?;
+    if depth_scale.is_none() && depth.dtype().kind() == b'u' && depth.dtype().itemsize() == 2 {
+        return Err(ArgumentError::new_err(
+            "depth_scale: expected metres per unit with a uint16 depth image, got none; 0.001 for millimetres (RealSense, ScanNet), 1 / 5000 for TUM, 1 / 256 for KITTI",
+        ));
+    }
+    let view = viewer.view(depth.size())?;
+    let mask = mask.map(mask_image).transpose()?;
+    let call = Call { depth, view, frame_from_camera, options, mask, values, out };
     if !compact && call.values.is_some() {
         return Err(ArgumentError::new_err(
             "values: expected only with compact=True; organised points line up with image[::stride, ::stride] already",
         ));
     }
-    if compact && call.out.is_some() {
+    if compact && call.out.array().is_some() {
         return Err(ArgumentError::new_err(
             "out: expected only without compact=True: how many points there are is known when they have been found",
         ));
     }
-    match (call.depth.dtype().kind(), call.depth.dtype().itemsize(), double(dtype)?) {
+    match (call.depth.dtype().kind(), call.depth.dtype().itemsize(), double) {
         (b'u', 2, false) => call.run::<u16, f32>(compact),
         (b'u', 2, true) => call.run::<u16, f64>(compact),
         (b'f', 4, false) => call.run::<f32, f32>(compact),
@@ -87,25 +100,15 @@ pub(in crate::python) fn points_from_depth<'py>(
     }
 }
 
-/// Metres per unit: 1 for floats; of integers nobody knows.
-fn scale(depth: &ImageArray<'_>, object: Option<&Bound<'_, PyAny>>) -> PyResult<f64> {
-    match object.filter(|object| !object.is_none()) {
-        Some(object) => float("depth_scale", object),
-        None if depth.dtype().kind() == b'u' && depth.dtype().itemsize() == 2 => Err(ArgumentError::new_err(
-            "depth_scale: expected metres per unit with a uint16 depth image, got none; 0.001 for millimetres (RealSense, ScanNet), 1 / 5000 for TUM, 1 / 256 for KITTI",
-        )),
-        None => Ok(1.0),
-    }
-}
-
 /// Whether the points are float64.
 fn double(object: Option<&Bound<'_, PyAny>>) -> PyResult<bool> {
     let Some(object) = object else { return Ok(false) };
-    let refuse = || {
-        let got = object.repr().map_or_else(|_| "an object".to_owned(), |text| text.to_string());
-        ArgumentError::new_err(format!("dtype: expected \"float32\" or \"float64\", got {got}"))
+    let refuse = || match text_of(object) {
+        Ok(got) => ArgumentError::new_err(format!("dtype: expected \"float32\" or \"float64\", got {got}")),
+        Err(error) => error,
     };
-    let dtype = object.py().import("numpy")?.call_method1("dtype", (object,)).map_err(|_| refuse())?;
+    let py = object.py();
+    let dtype = py.import("numpy")?.call_method1("dtype", (object,)).or_refuse(py, refuse)?;
     let dtype = dtype.cast_into::<numpy::PyArrayDescr>().map_err(|_| refuse())?;
     match (dtype.kind(), dtype.itemsize(), dtype.is_native_byteorder()) {
         (b'f', 4, Some(true)) => Ok(false),
@@ -121,33 +124,34 @@ struct Call<'py> {
     frame_from_camera: Pose,
     options: DepthOptions,
     mask: Option<ImageArray<'py>>,
-    values: Option<Bound<'py, PyAny>>,
-    out: Option<Bound<'py, PyAny>>,
+    values: Option<Attributes<'py>>,
+    out: Output<'py>,
 }
 
 impl<'py> Call<'py> {
-    fn run<T: DepthSample, O: PointSample + numpy::Element>(&self, compact: bool) -> PyResult<Bound<'py, PyAny>> {
+    fn run<T: DepthSample, O: PointSample + numpy::Element>(self, compact: bool) -> PyResult<Bound<'py, PyAny>> {
         let read = self.depth.read()?;
         let depth = read.views::<T>()?[0];
         let mask_read = self.mask.as_ref().map(ImageArray::read).transpose()?;
         let mask = mask_read.as_ref().map(|read| read.views::<u8>()).transpose()?.map(|views| views[0]);
         if compact {
-            self.compact::<T, O>(&depth, mask.as_ref())
-        } else {
-            self.organised::<T, O>(&depth, mask.as_ref())
+            return self.compact::<T, O>(&depth, mask.as_ref());
         }
+        let written = self.organised::<T, O>(&depth, mask.as_ref())?;
+        drop((read, mask_read));
+        Ok(self.out.given_or(written))
     }
 
     fn organised<T: DepthSample, O: PointSample + numpy::Element>(
         &self,
         depth: &ImageView<'_, T>,
         mask: Option<&ImageView<'_, u8>>,
-    ) -> PyResult<Bound<'py, PyAny>> {
+    ) -> PyResult<ImageArray<'py>> {
         let py = self.depth.dtype().py();
         let (width, height) = points_size(self.depth.size(), self.options.stride);
         let (shape, kind) = ([height, width, 3], dtype::<O>(py));
         check_points("depth", (width, height), "use stride or camera.cropped()")?; // before it is allocated
-        let out = match &self.out {
+        let out = match self.out.array() {
             Some(out) => {
                 let dtype = (&kind, "that of dtype=", "dtype");
                 let inputs = [("depth", Some(&self.depth)), ("mask", self.mask.as_ref())];
@@ -162,7 +166,7 @@ impl<'py> Call<'py> {
         py.detach(|| points_from_depth_into(depth, view, frame, mask, options, &mut outs[0]))?;
         drop(outs);
         drop(write);
-        Ok(self.out.clone().unwrap_or_else(|| out.into_array().into_any()))
+        Ok(out)
     }
 
     fn compact<T: DepthSample, O: PointSample + numpy::Element>(
@@ -171,10 +175,12 @@ impl<'py> Call<'py> {
         mask: Option<&ImageView<'_, u8>>,
     ) -> PyResult<Bound<'py, PyAny>> {
         let py = self.depth.dtype().py();
-        let attributes = Attributes::new(self.values.as_ref(), self.depth.size())?;
+        let attributes = self.values.as_ref();
+        let images = attributes.map(|attributes| attributes.images(self.depth.size())).transpose()?;
         let (view, frame, options) = (self.view.viewpoint(), &self.frame_from_camera, &self.options);
         let cloud = py.detach(|| cloud_from_depth::<T, O>(depth, view, frame, mask, options))?;
-        let values = attributes.map(|attributes| attributes.gather(py, &cloud.index)).transpose()?;
+        let values = attributes.zip(images).map(|(values, images)| values.gather(py, &images, &cloud.index));
+        let values = values.transpose()?;
         let count = cloud.points.len();
         let points = PyArray1::from_vec(py, cloud.points.into_flattened()).reshape([count, 3])?.into_any();
         let index = PyArray1::from_vec(py, cloud.index).into_any();
@@ -185,37 +191,47 @@ impl<'py> Call<'py> {
 
 /// What is gathered beside the points: one image, or several.
 struct Attributes<'py> {
-    images: Vec<(String, ImageArray<'py>)>,
+    arrays: Vec<(String, Bound<'py, PyUntypedArray>)>,
     several: bool,
 }
 
 impl<'py> Attributes<'py> {
-    fn new(object: Option<&Bound<'py, PyAny>>, (width, height): (usize, usize)) -> PyResult<Option<Self>> {
-        let Some(object) = object else { return Ok(None) };
+    /// Takes them as arrays; their Python code runs here.
+    fn new(object: &Bound<'py, PyAny>) -> PyResult<Self> {
+        let array = |name: String, object| Ok::<_, PyErr>((name.clone(), shared::array(&name, object, false)?));
         let several = object.is_instance_of::<PyTuple>() || object.is_instance_of::<PyList>();
-        let objects = if several {
-            let named = |(i, item): (usize, PyResult<_>)| Ok((format!("values[{i}]"), item?));
-            object.try_iter()?.enumerate().map(named).collect::<PyResult<Vec<_>>>()?
-        } else {
-            vec![("values".to_owned(), object.clone())]
-        };
-        let mut images = Vec::with_capacity(objects.len());
-        for (name, object) in objects {
-            let image = ImageArray::new(&name, &object, Layout::Hwc)?;
+        if !several {
+            return Ok(Self { arrays: vec![array("values".to_owned(), object)?], several });
+        }
+        let items = object.try_iter()?.collect::<PyResult<Vec<_>>>()?;
+        let arrays = items.iter().enumerate().map(|(i, item)| array(format!("values[{i}]"), item));
+        Ok(Self { arrays: arrays.collect::<PyResult<_>>()?, several })
+    }
+
+    /// Checks them against the size of the depth image.
+    fn images(&self, (width, height): (usize, usize)) -> PyResult<Vec<(&str, ImageArray<'py>)>> {
+        let mut images = Vec::with_capacity(self.arrays.len());
+        for (name, array) in &self.arrays {
+            let image = ImageArray::new(name, array.clone(), Layout::Hwc)?;
             if image.size() != (width, height) {
                 return Err(ImageError::new_err(format!(
                     "{name}: expected shape ({height}, {width}) or ({height}, {width}, C), as depth has, got {}",
                     tuple_text(image.shape())
                 )));
             }
-            images.push((name, image));
+            images.push((name.as_str(), image));
         }
-        Ok(Some(Self { images, several }))
+        Ok(images)
     }
 
-    fn gather(&self, py: Python<'py>, index: &[i64]) -> PyResult<Bound<'py, PyAny>> {
-        let mut gathered = Vec::with_capacity(self.images.len());
-        for (name, image) in &self.images {
+    fn gather(
+        &self,
+        py: Python<'py>,
+        images: &[(&str, ImageArray<'py>)],
+        index: &[i64],
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let mut gathered = Vec::with_capacity(images.len());
+        for (name, image) in images {
             gathered.push(gather::pixels(name, image, index)?);
         }
         if self.several { Ok(PyTuple::new(py, gathered)?.into_any()) } else { Ok(gathered.remove(0)) }

@@ -46,8 +46,8 @@ fn pixels_as<'py, T: Sample + Element>(image: &ImageArray<'py>, index: &[i64]) -
 }
 
 /// The rows of an (N,) or (N, C) array as an image of width 1, and whether it had columns; `None` where it has no rows.
-pub(super) fn as_image<'py>(array: &Bound<'py, PyUntypedArray>) -> PyResult<Bound<'py, PyAny>> {
+pub(super) fn as_image<'py>(array: &Bound<'py, PyUntypedArray>) -> PyResult<Bound<'py, PyUntypedArray>> {
     let py = array.py();
     let numpy = py.import("numpy")?;
-    numpy.call_method1("expand_dims", (array, 1))
+    Ok(numpy.call_method1("expand_dims", (array, 1))?.cast_into()?)
 }

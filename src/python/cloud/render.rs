@@ -8,12 +8,13 @@ use super::gather::{as_image, by_size};
 use super::options::{self, wrong_dtype};
 use crate::cloud::{PointSample, RenderOptions, check_points, paint_into, render_points_into};
 use crate::image::Sample;
+use crate::python::arrays;
 use crate::python::camera::PyCamera;
 use crate::python::convert::{float, tuple_text, type_name};
 use crate::python::error::classes::{ArgumentError, ArgumentTypeError};
 use crate::python::image::ImageArray;
 use crate::python::layout::Layout;
-use crate::python::options::{border_value, thread_count};
+use crate::python::options::{BorderValue, thread_count};
 use crate::python::points::PointsArray;
 use crate::{Camera, ImageView};
 
@@ -45,7 +46,6 @@ pub(in crate::python) fn render_points<'py>(
         return Err(ArgumentTypeError::new_err(message));
     };
     let camera = &camera.get().camera;
-    let points = PointsArray::new("points", points, 3..=usize::MAX, "an (N, 3) or wider")?;
     let (min_depth, max_depth) = options::depth_limits(min_depth, max_depth)?;
     let options = RenderOptions {
         kind: options::depth_kind(kind)?,
@@ -54,7 +54,12 @@ pub(in crate::python) fn render_points<'py>(
         max_depth,
         threads: threads.map(|threads| thread_count("threads", threads)).transpose()?,
     };
-    let values = values.filter(|values| !values.is_none());
+    let border_value = BorderValue::new(border_value)?;
+    let values = values.filter(|values| !values.is_none()).map(Values::array).transpose()?;
+    let expected = "an (N, 3) or wider";
+    let points = arrays::numbers("points", &format!("{expected} array"), points)?;
+
+    let points = PointsArray::new("points", points, 3..=usize::MAX, expected)?;
     let values = values.map(|values| Values::new(values, points.len(), border_value)).transpose()?;
     let (depth, index) = if points.is_f32() {
         render_as::<f32>(camera, &points, &options)?
@@ -87,17 +92,21 @@ fn render_as<'py, T: PointSample>(
 }
 
 /// An attribute of each point: (N,) or (N, C) of any dtype.
-struct Values<'a, 'py> {
+struct Values<'py> {
     array: Bound<'py, PyUntypedArray>,
-    border: Option<&'a Bound<'py, PyAny>>,
+    border: BorderValue<'py>,
 }
 
-impl<'a, 'py> Values<'a, 'py> {
-    fn new(object: &Bound<'py, PyAny>, count: usize, border: Option<&'a Bound<'py, PyAny>>) -> PyResult<Self> {
+impl<'py> Values<'py> {
+    fn array(object: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyUntypedArray>> {
         let Ok(array) = object.cast::<PyUntypedArray>() else {
             let message = format!("values: expected a NumPy array, got {}", type_name(object));
             return Err(ArgumentTypeError::new_err(message));
         };
+        arrays::own_class("values", array.clone())
+    }
+
+    fn new(array: Bound<'py, PyUntypedArray>, count: usize, border: BorderValue<'py>) -> PyResult<Self> {
         let fits = matches!(*array.shape(), [rows] if rows == count)
             || matches!(*array.shape(), [rows, columns] if rows == count && columns > 0);
         if !fits {
@@ -106,7 +115,7 @@ impl<'a, 'py> Values<'a, 'py> {
                 tuple_text(array.shape())
             )));
         }
-        let values = Self { array: array.clone(), border };
+        let values = Self { array: arrays::native("values", array)?, border };
         by_size!(values.array, "values", check_border(&values))?;
         Ok(values)
     }
@@ -117,14 +126,14 @@ impl<'a, 'py> Values<'a, 'py> {
     }
 }
 
-fn check_border<T: Sample>(values: &Values<'_, '_>) -> PyResult<()> {
+fn check_border<T: Sample>(values: &Values<'_>) -> PyResult<()> {
     border::<T>(values).map(drop)
 }
 
 /// The border value of each column.
-fn border<T: Sample>(values: &Values<'_, '_>) -> PyResult<Vec<T>> {
+fn border<T: Sample>(values: &Values<'_>) -> PyResult<Vec<T>> {
     let columns = values.array.shape().get(1).copied().unwrap_or(1);
-    let border = border_value::<T>(values.border, &values.array.dtype())?;
+    let border = values.border.samples::<T>(&values.array.dtype())?;
     match border.len() {
         1 => Ok(vec![border[0]; columns]),
         got if got == columns => Ok(border),
@@ -133,7 +142,7 @@ fn border<T: Sample>(values: &Values<'_, '_>) -> PyResult<Vec<T>> {
 }
 
 fn paint_as<'py, T: Sample>(
-    values: &Values<'_, 'py>,
+    values: &Values<'py>,
     index: &ImageArray<'py>,
     threads: Option<usize>,
 ) -> PyResult<Bound<'py, PyUntypedArray>> {
@@ -146,7 +155,7 @@ fn paint_as<'py, T: Sample>(
         0 => None,
         _ => {
             let contiguous = py.import("numpy")?.call_method1("ascontiguousarray", (&values.array,))?;
-            Some(ImageArray::new("values", &as_image(&contiguous.cast_into()?)?, Layout::Hwc)?)
+            Some(ImageArray::new("values", as_image(&contiguous.cast_into()?)?, Layout::Hwc)?)
         }
     };
     {

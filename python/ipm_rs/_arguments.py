@@ -1,0 +1,65 @@
+"""Paths and arrays of the functions that are written in Python."""
+
+from __future__ import annotations
+
+import os
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ipm_rs.errors import ArgumentError, ArgumentTypeError, FileError, IpmError
+
+__all__ = ["array_of", "path_text"]
+
+
+def path_text(name: str, path: Any) -> str:
+    """Return a path as text.
+
+    Raises
+    ------
+    ArgumentTypeError
+        It is no path.
+    FileError
+        No file can have the name: it holds a null byte or a lone surrogate.
+    """
+    try:
+        text = os.fspath(path)
+    except MemoryError:
+        raise
+    except Exception as error:  # `__fspath__` raises what it likes
+        raise ArgumentTypeError(f"{name}: expected a path, got {type(path).__name__}; pass the file's name") from error
+    if not isinstance(text, str):
+        raise ArgumentTypeError(f"{name}: expected a text path, got {text!r:.80}; decode it with os.fsdecode()")
+    try:
+        encoded = os.fsencode(text)
+    except UnicodeEncodeError:
+        encoded = b"\0"
+    if b"\0" in encoded:
+        raise FileError(f"{name}: expected a name that a file can have, got {text!r:.80}; correct it")
+    return text
+
+
+def array_of(name: str, value: Any) -> NDArray[Any]:
+    """Return an array-like as an array.
+
+    Raises
+    ------
+    ArgumentError
+        Some of its values are masked: NumPy would drop the mask without a word.
+    ArgumentTypeError
+        NumPy makes no array of it.
+    """
+    try:
+        array = np.asanyarray(value)
+        masked = isinstance(array, np.ma.MaskedArray) and np.ma.is_masked(array)
+    except (IpmError, MemoryError):
+        raise
+    except Exception as error:  # `__array__` raises what it likes
+        raise ArgumentTypeError(f"{name}: expected an array of numbers, got {type(value).__name__}") from error
+    if masked:
+        raise ArgumentError(
+            f"{name}: expected values none of which is masked, got a MaskedArray with masked ones; say what stands in "
+            f"their place with {name}.filled(value), or leave them out"
+        )
+    return np.asarray(array)
