@@ -10,7 +10,7 @@ from calibration_samples import ROS_YAML, SAMPLES, WOODSCAPE
 from helpers import refuses
 
 import ipm_rs
-from ipm_rs import errors
+from ipm_rs import cli, errors
 
 K = [[655.5, 0.0, 323.25], [0.0, 656.5, 238.75], [0.0, 0.0, 1.0]]
 D = [0.11, -0.21, 0.0007, -0.0003, 0.08]
@@ -336,3 +336,28 @@ def test_a_mapping_of_names_to_records(tmp_path):
             ipm_rs.Camera.from_nuscenes(source)
         assert "drop" not in str(caught.value)
     assert ipm_rs.Camera.load(write(tmp_path, rig), camera="CAM_FRONT").position[0] == pytest.approx(1)
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# The same on the command line
+
+
+def test_command_line_names_its_own_options(tmp_path, capsys):
+    image = pytest.importorskip("PIL.Image")
+    picture = tmp_path / "frame.png"
+    image.new("RGB", (640, 480)).save(picture)
+    kitti = "".join(f"P{i}: {_P}\n" for i in range(4))
+    for content, option in (
+        ({**ONE, "rvec": [1.2, -1.2, 1.2], "tvec": [0, 900.0, 300.0]}, ["--metres-per-unit", "0.001"]),
+        ({**ONE, "dist_coeffs": D[:4]}, ["--lens", "fisheye"]),
+        (kitti, ["--vehicle-frame", "camera"]),
+        (kitti + f"Tr: {_TEXT}\n", ["--nearest-rotation"]),
+    ):
+        path = write(tmp_path, content, "calib.txt" if isinstance(content, str) else "camera.json")
+        command = ["warp", str(path), str(picture), "-o", str(tmp_path / "bev.png"), "--ground=-1.5", "--force"]
+        if isinstance(content, str):
+            command += ["--image-size", "640", "480"]
+        command += ["--x", "2", "4", "--y", "-1", "1", "--quiet"]
+        assert cli.main(command) == 2
+        assert f"here: {option[0]}" in capsys.readouterr().err
+        assert cli.main([*command, *option]) == 0, capsys.readouterr().err

@@ -10,7 +10,7 @@ from typing import Any, NoReturn, TypeAlias, TypeVar
 
 import ipm_rs
 from ipm_rs.cli.printing import emit_error
-from ipm_rs.errors import ArgumentError, FileError, MissingFileError
+from ipm_rs.errors import ArgumentError, CalibrationError, FileError, MissingFileError
 from ipm_rs.files import check_target
 
 Header = TypeVar("Header")
@@ -83,16 +83,49 @@ def add_camera(group: argparse._ArgumentGroup) -> None:
         choices=("brown_conrady", "fisheye", "omnidir", "pinhole"),
         help="which lens, where an OpenCV file does not say it",
     )
+    group.add_argument(
+        "--vehicle-frame",
+        metavar="NAME",
+        help="which frame of a KITTI calibration is the vehicle's: velodyne, imu, camera, road",
+    )
+    group.add_argument(
+        "--metres-per-unit",
+        metavar="N",
+        type=real,
+        help="length of the calibration's unit: 0.001 where a board was measured in millimetres",
+    )
+    group.add_argument(
+        "--nearest-rotation", action="store_true", help="take the nearest rotation for one of three printed digits"
+    )
+
+
+_HERE = {
+    "lens": "--lens NAME",
+    "frame=": "--vehicle-frame NAME",
+    "metres_per_unit=": "--metres-per-unit N",
+    "nearest_rotation=": "--nearest-rotation",
+}
 
 
 def load_camera(args: argparse.Namespace, image_size: tuple[int, int] | None) -> ipm_rs.Camera:
     """Read the calibration that is named on the command line."""
     try:
-        return ipm_rs.Camera.load(args.calibration, image_size=image_size, camera=args.camera, lens=args.lens)
-    except ArgumentError as error:
-        if args.lens is None and "lens" in str(error):
-            raise ArgumentError(f"{error}; here: --lens NAME") from error
-        raise
+        return ipm_rs.Camera.load(
+            args.calibration,
+            image_size=image_size,
+            camera=args.camera,
+            lens=args.lens,
+            frame=args.vehicle_frame,
+            metres_per_unit=args.metres_per_unit,
+            nearest_rotation=args.nearest_rotation,
+        )
+    except (ArgumentError, CalibrationError) as error:
+        last = str(error).rpartition("; ")[2]
+        here = next((option for word, option in _HERE.items() if word in last), None)
+        given = args.lens is not None and here == _HERE["lens"]
+        if here is None or given or "drop it" in last:
+            raise
+        raise type(error)(f"{error}; here: {here}") from error
 
 
 def add_grid(command: Parser, sampling: str | None = None) -> argparse._ArgumentGroup:
