@@ -130,8 +130,14 @@ def same(one: ipm_rs.Camera, other: ipm_rs.Camera) -> bool:
     )
 
 
-def within_number(sample: Sample, file: str, end: int) -> bool:
-    """Whether plain lines end within a number, which shows only where all are printed with as many digits."""
+def unseen(sample: Sample, file: str, end: int) -> bool:
+    """Whether a file that ends there is a whole one of its format.
+
+    Plain lines may end within a number, which shows only where all are printed with as many digits; OpenCV's pose comes
+    last, and is not in every file.
+    """
+    if sample.format == "opencv":
+        return sample.files[file][end:].lstrip().startswith(b"rvec")
     plain = sample.format in ("kitti", "kitti_raw", "kitti_360", "colmap")
     return plain and re.fullmatch(rb"[0-9.][0-9.]", sample.files[file][end - 1 : end + 1]) is not None
 
@@ -157,7 +163,7 @@ def mutate(samples: dict[str, Sample], count: int, seed: int, directory: Path) -
         start = time.perf_counter()
         try:
             camera = readers[index % 2](path, **sample.options)
-            if mutation is cut and not same(camera, wholes[title]) and not within_number(sample, file, len(data)):
+            if mutation is cut and not same(camera, wholes[title]) and not unseen(sample, file, len(data)):
                 yield title, f"{mutation.__name__}: another camera: {camera!r}", data
         except errors.IpmError as error:
             if len(str(error)) > 8000:

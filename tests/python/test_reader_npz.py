@@ -173,3 +173,12 @@ def test_arrays_without_a_camera(tmp_path):
     np.savez(path, K, D)
     with refuses(errors.CalibrationError, "camera_matrix, missing among 'arr_0', 'arr_1'"):
         ipm_rs.Camera.from_opencv(path, image_size=SIZE)
+
+
+def test_an_open_file_is_a_mapping(tmp_path):
+    rvecs = np.empty(2, object)
+    rvecs[:] = [MakesFolder(tmp_path / "ran")] * 2
+    path = save(tmp_path / "calibration.npz", mtx=K, dist=D, rvecs=rvecs, kind="plumb_bob")
+    with np.load(path) as arrays:
+        assert ipm_rs.Camera.from_opencv(arrays, image_size=SIZE).lens == ipm_rs.BrownConrady(D)
+    assert not (tmp_path / "ran").exists()

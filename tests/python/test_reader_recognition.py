@@ -9,6 +9,7 @@ import sys
 
 import numpy as np
 import pytest
+from calibration_samples import SAMPLES
 from foreign_calibrations import FOREIGN
 from helpers import refuses
 
@@ -172,3 +173,16 @@ def test_line_ends_and_byte_order_marks_are_no_content(tmp_path):
     plain.write_text(text)
     odd.write_bytes(b"\xef\xbb\xbf" + text.replace("\n", "\r\n").encode())
     assert ipm_rs.Camera.load(odd) == ipm_rs.Camera.load(plain)
+
+
+def test_without_pyyaml(tmp_path, monkeypatch):
+    """Formats that need no YAML are recognised as before; a file of keys asks for the extra, others do not."""
+    monkeypatch.setitem(sys.modules, "yaml", None)
+    for name in ("kitti object", "kitti-360 fisheye", "nuscenes record", "ros ini", "colmap", "opencv stereo", "json"):
+        assert calibration.recognise(SAMPLES[name].write(tmp_path)) == SAMPLES[name].format
+    with refuses(errors.MissingExtraError, 'pip install "ipm-rs[yaml]"'):
+        ipm_rs.Camera.load(SAMPLES["kalibr"].write(tmp_path))
+    path = tmp_path / "notes.txt"
+    path.write_text("nothing of the kind\n")
+    with refuses(errors.CalibrationError, "got one of none"):
+        ipm_rs.Camera.load(path)

@@ -160,6 +160,16 @@ def test_a_rotation_that_is_none_has_no_nearest(tmp_path):
     np.testing.assert_allclose(camera.camera_from_vehicle[:3, :3], NEAREST, rtol=0, atol=1e-12)
 
 
+def test_a_pose_of_the_callers_with_three_digits():
+    info = {"width": 640, "height": 480, "K": K, "D": D, "distortion_model": "plumb_bob"}
+    for read, content in ((ipm_rs.Camera.from_opencv, ONE), (ipm_rs.Camera.from_ros, info)):
+        with refuses(errors.CalibrationError, "camera_from_vehicle", "rotation"):
+            read(content, camera_from_vehicle=TALL)
+        camera = read(content, camera_from_vehicle=TALL, nearest_rotation=True)
+        np.testing.assert_allclose(camera.camera_from_vehicle[:3, :3], NEAREST, rtol=0, atol=1e-12)
+        np.testing.assert_array_equal(camera.camera_from_vehicle[:3, 3], TALL[:3, 3])
+
+
 def test_quaternions_of_two_digits():
     q = np.array([0.52, -0.49, 0.49, -0.51])
     record = {**_SENSOR, "rotation": q.tolist()}

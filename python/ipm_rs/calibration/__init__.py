@@ -29,6 +29,7 @@ from __future__ import annotations
 import inspect
 import logging
 import os
+import re
 from collections.abc import Mapping, Sequence
 from importlib import import_module
 from typing import Any, Protocol, cast
@@ -73,6 +74,8 @@ _WITHOUT = {
 
 # A file that is written otherwise than a format is not near to it, whatever its keys.
 _OTHER_FORMS = ("not JSON", NOT_ROS)
+
+_KEY = re.compile(r"^\s*[\w.-]+\s*:", re.MULTILINE)
 
 _log = logging.getLogger("ipm_rs.calibration")
 
@@ -128,7 +131,7 @@ def _recognise(document: Document) -> str:
         if lacks is None:
             return name
         lacking[name] = lacks
-    if needed is not None and not problem:
+    if needed is not None and not problem and _KEY.search(document.text[:100_000]):
         raise needed
     raise CalibrationError(
         f"{document.origin}: expected a calibration of a known format, got one of none"

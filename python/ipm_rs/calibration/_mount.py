@@ -23,8 +23,14 @@ FARTHEST = 20.0
 """Units between a camera and a chessboard, or another camera, that may be metres; millimetres are more."""
 
 
-def mounted(camera_from_vehicle: ArrayLike | None, vehicle_from_camera: ArrayLike | None) -> Matrix:
+def mounted(
+    camera_from_vehicle: ArrayLike | None, vehicle_from_camera: ArrayLike | None, *, nearest: bool = False
+) -> Matrix:
     """Give (4, 4) ``camera_from_vehicle`` from either direction; with neither, at the origin and looking along +x."""
+    if nearest and camera_from_vehicle is not None:
+        camera_from_vehicle = rigid_argument(camera_from_vehicle, "camera_from_vehicle", nearest=True)
+    if nearest and vehicle_from_camera is not None:
+        vehicle_from_camera = rigid_argument(vehicle_from_camera, "vehicle_from_camera", nearest=True)
     made = Camera(
         np.eye(3),
         image_size=(1, 1),

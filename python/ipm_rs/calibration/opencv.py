@@ -38,6 +38,8 @@ rectified      ``R1, P1, R2, P2``
 from __future__ import annotations
 
 import math
+import zipfile
+import zlib
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -167,7 +169,7 @@ def read(
                 f"{values.origin}: expected rvec and tvec, which vehicle_from_world= needs, missing; pass "
                 "vehicle_from_camera="
             )
-        pose = mounted(camera_from_vehicle, vehicle_from_camera)
+        pose = mounted(camera_from_vehicle, vehicle_from_camera, nearest=nearest_rotation)
     if second:
         R, T = values.get("r"), values.get("t")
         if R is None or T is None:
@@ -220,7 +222,7 @@ def _content(source: Any, argument: str) -> tuple[str, Any]:
     """Return what to call a source, and its content, matrices as arrays."""
     if isinstance(source, Mapping):
         origin = f"{TITLE} calibration"
-        return origin, plain(source, origin)
+        return origin, plain(_unpacked(source) if isinstance(source, np.lib.npyio.NpzFile) else source, origin)
     document = open_document(source, TITLE, or_mapping=True, argument=argument)
     content = plain(document.tree, document.origin)
     if not isinstance(content, (Mapping, list)):
@@ -229,6 +231,19 @@ def _content(source: Any, argument: str) -> tuple[str, Any]:
             "cv2.FileStorage wrote"
         )
     return document.origin, content
+
+
+def _unpacked(arrays: np.lib.npyio.NpzFile) -> dict[str, Any]:
+    """Arrays of an open ``numpy.load(path)``, without those that it refuses to unpickle or cannot unpack."""
+    found = {}
+    for name in arrays.files:
+        try:
+            found[name] = arrays[name]
+        except (ArithmeticError, EOFError, NotImplementedError, OSError, RuntimeError, ValueError, zipfile.BadZipFile):
+            continue
+        except zlib.error:
+            continue
+    return {name: value for name, value in found.items() if value.dtype.kind in "biufUS"}
 
 
 def _in_order(cameras: Mapping[str, Any]) -> list[str]:

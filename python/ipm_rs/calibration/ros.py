@@ -117,7 +117,7 @@ def read(
     section.nearest = nearest_rotation
     section.require("width", "height", *(("R", "P") if image == "rectified" else ("K", "D")))
     full = section.image_size("width", "height")
-    pose = mounted(camera_from_vehicle, vehicle_from_camera)
+    pose = mounted(camera_from_vehicle, vehicle_from_camera, nearest=nearest_rotation)
     lens: BrownConrady | KannalaBrandt | None = None
     if image == "raw":
         K = _calibrated(section, "K", section.matrix("K", (3, 3), unit="pixels"))
