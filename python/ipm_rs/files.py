@@ -53,10 +53,10 @@ def atomically(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
     """
     final = check_target(Path(path))
     remove_leftovers(final.parent)
-    temporary = None
+    # named before it is made, so that no signal that comes in between leaves it behind
+    temporary = final.parent / f"{_PREFIX}{secrets.token_hex(8)}{_SUFFIX}"
     try:
-        file, temporary = _new_file(final.parent)
-        with file:
+        with _new_file(temporary) as file:
             yield file
             file.flush()
             _to_disk(file.fileno())
@@ -73,9 +73,8 @@ def atomically(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
             f"{path}: expected to write it, got: {reason}; check the directory, its permissions and the free space"
         ) from error
     finally:
-        if temporary is not None:
-            with contextlib.suppress(OSError):
-                temporary.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):
+            temporary.unlink(missing_ok=True)
 
 
 def as_path(path: object, argument: str = "path") -> Path:
@@ -174,22 +173,20 @@ def _remove_if_left(path: str) -> None:
         os.close(descriptor)
 
 
-def _new_file(directory: Path) -> tuple[BinaryIO, Path]:
+def _new_file(path: Path) -> BinaryIO:
     """Create and lock a temporary file."""
     while True:
-        path = directory / f"{_PREFIX}{secrets.token_hex(8)}{_SUFFIX}"
         file = path.open("xb")  # a plain open, so that the umask decides the permissions
         try:
             if fcntl is not None:
                 with contextlib.suppress(OSError):  # a file system without locks: nobody else gets one there either
                     fcntl.flock(file, fcntl.LOCK_EX)
             if os.fstat(file.fileno()).st_nlink > 0:
-                return file, path
+                return file
         except BaseException:
             file.close()
-            path.unlink(missing_ok=True)
             raise
-        file.close()  # somebody cleaned up before the lock was there: again
+        file.close()  # somebody took it for a leftover before the lock was there: again
 
 
 def _to_disk(descriptor: int) -> None:

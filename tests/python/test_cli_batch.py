@@ -112,6 +112,20 @@ def test_the_name_of_a_file_is_no_directory(frames, capsys, command, out):
     assert len(names(out)) == 2
 
 
+@pytest.mark.parametrize("heights", [("0", "inf"), ("-inf", "0"), ("0", "1e300"), ("nan", "1"), ("2", "1")])
+def test_heights_of_the_picture_are_metres(frames, capsys, heights):
+    np.save("a.npy", np.full((HEIGHT, WIDTH), 5, np.float32))
+    assert cli.main(["cloud", "camera.json", "a.npy", "--bev", "b.png", "--heights", *heights]) == 2
+    [line] = capsys.readouterr().err.splitlines()
+    assert "--heights" in line and not Path("b.png").exists()
+
+
+def test_null_bytes_are_refused(frames, capsys):
+    for words in (["-o", "a\0b.png"], ["-o", "b.png", "--mask", "a\0.png"]):
+        assert cli.main(["warp", "camera.json", frames[0], *words]) == 2
+        assert "null bytes" in capsys.readouterr().err
+
+
 def start(frames: list[str], *more: str) -> subprocess.Popen[str]:
     """Start a batch of pictures that take a while to be written, and wait until it writes one."""
     arguments = ["warp", "camera.json", *frames, "-o", "out", *GRID, "0.01", "--quiet", *more]

@@ -145,6 +145,19 @@ def test_leftovers_of_the_dead_go_and_those_of_the_living_stay(tmp_path):
     assert sorted(path.name for path in tmp_path.iterdir()) == [".ipm-rs-mine.txt", ".ipm-rs-pipe.tmp", "camera.json"]
 
 
+def test_an_interrupt_right_after_a_file_was_made_leaves_none(tmp_path, monkeypatch):
+    make = files._new_file
+
+    def interrupted(path: Path):
+        make(path).close()
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(files, "_new_file", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        CAMERA.save(tmp_path / "camera.json")
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_whatever_a_decoder_raises_becomes_ours(tmp_path):
     import tokenize
     import zipfile

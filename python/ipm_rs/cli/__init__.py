@@ -19,7 +19,7 @@ import ipm_rs
 from ipm_rs.cli import cloud, demo, info, signals, warp
 from ipm_rs.cli.arguments import Parser
 from ipm_rs.cli.printing import discard, emit, emit_error
-from ipm_rs.errors import IpmError
+from ipm_rs.errors import ArgumentError, IpmError
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -37,6 +37,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     try:
         with signals.raising():
+            if any("\0" in word for word in argv or ()):  # no shell passes one on
+                raise ArgumentError("expected arguments without null bytes, got one; leave it out")
             args = _parser().parse_args(argv)
             args.run(args)
         return 0

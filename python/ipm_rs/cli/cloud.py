@@ -34,6 +34,8 @@ from ipm_rs.errors import ArgumentError, CalibrationError, FileError, ImageError
 RAMP = np.array([(24, 28, 84), (0, 110, 150), (60, 170, 90), (240, 220, 60), (255, 255, 255)], dtype=np.float64)
 """Colours of heights, low to high, for the picture."""
 
+_HIGHEST = 1e5  # metres, as of a road
+
 
 @dataclass(frozen=True)
 class _Job:
@@ -112,8 +114,10 @@ def run(args: argparse.Namespace) -> None:
         raise ArgumentError("expected -o or --bev, got neither; say what to write")
     if args.bev is not None and args.frame == "camera":
         raise ArgumentError("--frame: expected vehicle or flu for --bev, got camera, whose z points forward")
-    if args.heights is not None and not args.heights[0] < args.heights[1]:
-        raise ArgumentError(f"--heights: expected MIN < MAX, got {args.heights[0]:g} {args.heights[1]:g}")
+    if args.heights is not None and not -_HIGHEST <= args.heights[0] < args.heights[1] <= _HIGHEST:
+        raise ArgumentError(
+            f"--heights: expected MIN < MAX in metres, within {_HIGHEST:g}, got {args.heights[0]:g} {args.heights[1]:g}"
+        )
     grid = ipm_rs.BevGrid(x=args.x, y=args.y, resolution=resolution(args.resolution))
     depths, _ = read_headers(lambda path: depthfile.probe(path, args.depth_scale), args.depth)
     camera = _read_camera(args, next(depth.size for depth in depths if depth is not None))
