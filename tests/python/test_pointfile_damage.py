@@ -179,9 +179,9 @@ def test_whole_numbers_that_float32_would_round_are_not_written_as_such(tmp_path
 
 def test_masked_and_ragged_points_are_refused(tmp_path):
     masked = np.ma.masked_greater(np.arange(12.0).reshape(4, 3), 7)
-    with refuses(errors.ArgumentTypeError, "points", "masked", "filled"):
+    with refuses(errors.ArgumentError, "points", "masked", "filled"):
         pointfile.write(tmp_path / "a.ply", masked)
-    with refuses(errors.ArgumentTypeError, "values['v']", "masked"):
+    with refuses(errors.ArgumentError, "values['v']", "masked"):
         pointfile.write(tmp_path / "a.ply", np.ones((4, 3)), {"v": masked[:, 0]})
     with refuses(errors.ArgumentTypeError, "points"):
         pointfile.write(tmp_path / "a.ply", [[1, 2, 3], [4, 5]])
