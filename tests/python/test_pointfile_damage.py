@@ -154,7 +154,7 @@ def test_rows_that_are_plainly_kitti_need_no_names(tmp_path):
     random = np.random.default_rng(4)
     rows = random.normal(0, 30, (2400, 4)).astype("<f4")
     rows[:, 3] = random.random(2400)
-    for count in (2400, 2399, 1600, 15, 1, 0):
+    for count in (2400, 2399, 1600, 15, 2, 1, 0):
         rows[:count].tofile(tmp_path / "000001.bin")
         back = pointfile.read(tmp_path / "000001.bin")
         assert same(back.points, rows[:count, :3].copy()) and list(back.values) == ["intensity"]

@@ -56,8 +56,10 @@ def _is_kitti(rows: NDArray[np.float32]) -> bool:
         return False
     if ((coordinates >= 0) & (coordinates <= 1)).mean() > 0.5:
         return False
+    if len(rows) < 3:
+        return True
     next_one, one_after = (np.abs(rows[lag:] - rows[:-lag]).mean(dtype=np.float64, axis=0) for lag in (1, 2))
-    return bool(len(rows) < 3 or (next_one <= 1.25 * one_after + 1e-6).all())
+    return bool((next_one <= 1.25 * one_after + 1e-6).all())
 
 
 def _or(counts: Sequence[int]) -> str:
