@@ -14,7 +14,6 @@ from __future__ import annotations
 import contextlib
 import errno
 import os
-import secrets
 import stat
 import struct
 import time
@@ -54,7 +53,7 @@ def atomically(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
     final = check_target(Path(path))
     remove_leftovers(final.parent)
     # named before it is made, so that no signal that comes in between leaves it behind
-    temporary = final.parent / f"{_PREFIX}{secrets.token_hex(8)}{_SUFFIX}"
+    temporary = final.parent / f"{_PREFIX}{os.urandom(8).hex()}{_SUFFIX}"
     try:
         with _new_file(temporary) as file:
             yield file
