@@ -21,10 +21,6 @@ _OTHERS = {
         "an .npy array without a name",
         "save K and the coefficients by name, np.savez(path, mtx=K, dist=D)",
     ),
-    b"\x80\x02": ("a pickle", "it may run anything when it is read; load it yourself, and pass a mapping"),
-    b"\x80\x03": ("a pickle", "it may run anything when it is read; load it yourself, and pass a mapping"),
-    b"\x80\x04": ("a pickle", "it may run anything when it is read; load it yourself, and pass a mapping"),
-    b"\x80\x05": ("a pickle", "it may run anything when it is read; load it yourself, and pass a mapping"),
     b"MATLAB 5": ("a .mat file", "write its numbers as JSON with jsonencode"),
     b"\x89HDF\r\n": ("an HDF5 file", "write its numbers as JSON"),
     b"\x1f\x8b": ("a gzip archive", "unpack it first"),
@@ -55,4 +51,6 @@ def kind_of(data: bytes) -> str | None:
         image = "a PNM image"
     if image is not None:
         return f"{image}; did you swap calibration and image?"
+    if data[:1] == b"\x80" and data[1:2] in (b"\x02", b"\x03", b"\x04", b"\x05"):  # its protocol
+        return "a pickle; it may run anything when it is read: load it yourself, and pass a mapping"
     return next((f"{name}; {mend}" for magic, (name, mend) in _OTHERS.items() if data.startswith(magic)), None)

@@ -46,7 +46,7 @@ from ipm_rs.errors import ArgumentError, ArgumentTypeError, CalibrationError
 __all__ = ["KEYS", "TITLE", "Frame", "camera_number", "missing", "projection", "read"]
 
 TITLE = "KITTI"
-KEYS = ("P0", "P1", "P2", "P3", "R0_rect", "Tr_velo_to_cam", "Tr_imu_to_velo", "Tr", "R_rect", "Tr_velo_cam")
+KEYS = ("P0", "P3", "R0_rect", "Tr_velo_to_cam", "Tr_imu_to_velo", "Tr", "R_rect", "Tr_velo_cam")
 
 Frame = Literal["velodyne", "imu", "camera", "road"]
 
@@ -110,7 +110,7 @@ def read(
 
 def missing(document: Document) -> str | None:
     """Say what a document lacks to be of this format."""
-    return lines_missing(document, *KEYS[:4])
+    return lines_missing(document, "P0", "P1", "P2", "P3")
 
 
 def projection(place: Section, key: str) -> tuple[Matrix, Matrix]:
