@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+import tracemalloc
 
 import numpy as np
 import point_mutations
@@ -126,6 +127,19 @@ def test_npy_headers_that_claim_too_much(tmp_path, descr, shape):
     with refuses(errors.FileError, "a.npy"):
         pointfile.read(tmp_path / "a.npy")
     assert time.process_time() - start < 2
+
+
+@pytest.mark.parametrize("version", [2, 3])
+def test_npy_headers_that_claim_to_be_long(tmp_path, version):
+    """Since version 2 four bytes say how long the header is; NumPy asks for so much memory before it reads."""
+    (tmp_path / "a.npy").write_bytes(b"\x93NUMPY" + bytes([version, 0]) + (1 << 31).to_bytes(4, "little") + b"{'descr'")
+    tracemalloc.start()
+    try:
+        with refuses(errors.FileError, "a.npy", "header", "2147483648"):
+            pointfile.read(tmp_path / "a.npy")
+        assert tracemalloc.get_traced_memory()[1] < 1 << 20
+    finally:
+        tracemalloc.stop()
 
 
 def test_how_many_columns_a_bin_file_has_is_not_guessed(tmp_path):

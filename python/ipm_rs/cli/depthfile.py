@@ -16,7 +16,7 @@ import ipm_rs
 from ipm_rs import imagefile
 from ipm_rs.errors import ArgumentError, FileError, ImageError
 from ipm_rs.files import check_source, reading
-from ipm_rs.pointfile.rows import mapped
+from ipm_rs.pointfile.rows import check_header, mapped
 
 ARRAYS = (".npy", ".npz")
 _MOST_PIXELS = 1 << 28
@@ -104,6 +104,8 @@ def _packed(path: Path) -> NDArray[Any]:
         if member.file_size > 8 * _MOST_PIXELS:
             raise FileError(f"{path}: expected a depth image, got an array that claims {member.file_size} bytes")
         with archive.open(member) as file:
+            check_header(path, file.read(12))
+            file.seek(0)
             version = np.lib.format.read_magic(file)
             read_header = {
                 (1, 0): np.lib.format.read_array_header_1_0,

@@ -19,6 +19,7 @@ _USUAL = (3, 4, 5, 6, 8)
 """How many columns such files have: x y z, and with intensity, ring or time, colours or normals, or most of these."""
 
 _MOST_COLUMNS = 1024
+_LONGEST_HEADER = 1 << 16  # more than version 1 can have, and than NumPy reads
 
 
 def read_bin(path: Path, columns: Sequence[str] | None) -> dict[str, NDArray[Any]]:
@@ -98,12 +99,21 @@ def read_npy(path: Path, columns: Sequence[str] | None) -> dict[str, NDArray[Any
 
 def mapped(path: Path) -> NDArray[Any]:
     """Map the array of a ``.npy`` file: what its header claims is held against the size of the file."""
+    with path.open("rb") as file:
+        check_header(path, file.read(12))
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # what NumPy and Python say of odd headers
             return np.lib.format.open_memmap(path, mode="r")
     except MemoryError as error:  # the parser of Python, on brackets in brackets
         raise FileError(f"{path}: expected an array, got a header that cannot be read; it is damaged") from error
+
+
+def check_header(path: Path, start: bytes) -> None:
+    """Refuse the first 12 bytes of a ``.npy`` whose header claims to be long: NumPy asks for so much memory at once."""
+    length = int.from_bytes(start[8:12] if start[6:7] >= b"\2" else start[8:10], "little")
+    if length > _LONGEST_HEADER:
+        raise FileError(f"{path}: expected an array, got a header that claims {length} bytes; it is damaged")
 
 
 def _real(path: Path, numbers: NDArray[Any]) -> NDArray[Any]:
