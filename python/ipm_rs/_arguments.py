@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ipm_rs.errors import ArgumentError, ArgumentTypeError, FileError, IpmError
 
-__all__ = ["array_of", "path_text"]
+__all__ = ["array_of", "flag_of", "path_text"]
 
 
 def path_text(name: str, path: Any) -> str:
@@ -38,6 +38,13 @@ def path_text(name: str, path: Any) -> str:
     if b"\0" in encoded:
         raise FileError(f"{name}: expected a name that a file can have, got {text!r:.80}; correct it")
     return text
+
+
+def flag_of(name: str, value: Any) -> bool:
+    """Return True or False, or raise ArgumentTypeError for anything else."""
+    if not isinstance(value, (bool, np.bool_)):
+        raise ArgumentTypeError(f"{name}: expected True or False, got {type(value).__name__}")
+    return bool(value)
 
 
 def array_of(name: str, value: Any) -> NDArray[Any]:

@@ -49,7 +49,13 @@ pub(super) fn rasterize_polygons<'py>(
     };
     let mut corners = Vec::new();
     let py = polygons.py();
+    let is_sized = polygons.len().or_none(py)?.is_some();
     for (index, polygon) in polygons.try_iter().or_refuse(py, refuse)?.enumerate() {
+        if index == MOST_OF_AN_ITERATOR && !is_sized {
+            return Err(ArgumentError::new_err(format!(
+                "polygons: expected an iterator that ends, got more than {MOST_OF_AN_ITERATOR} from it; pass a list if there are so many"
+            )));
+        }
         let name = format!("polygons[{index}]");
         let floats = Floats::new(&name, "an (M, 2) array", &polygon.or_refuse(py, refuse)?)?;
         let polygon = floats.rows::<2>(&name)?.to_vec();
@@ -58,6 +64,9 @@ pub(super) fn rasterize_polygons<'py>(
     }
     draw(polygons.py(), &corners, grid, labels, background, out)
 }
+
+/// So many polygons are taken of an iterator, which may have no end.
+const MOST_OF_AN_ITERATOR: usize = 1_000_000;
 
 /// Draws polygons, all of them checked, in their order.
 fn draw<'py>(

@@ -247,6 +247,8 @@ def test_iterators_without_an_end():
         ipm_rs.Camera(K, image_size=itertools.count(5))
     with refuses(errors.ArgumentError, "labels", "at least"):
         ipm_rs.rasterize_boxes([[7, 0, 3, 2, 0]], GRID, itertools.count())
+    with refuses(errors.ArgumentError, "polygons", "ends"):
+        ipm_rs.rasterize_polygons(itertools.cycle([SQUARE]), GRID)
     with refuses(errors.IpmError, "reduce"):
         ipm_rs.rasterize(POINTS, GRID, reduce=itertools.repeat("max"))
     with refuses(errors.IpmError, "border_value"):
@@ -351,4 +353,11 @@ def test_masked_points_are_not_written(tmp_path):
             pointfile.write(tmp_path / "a.ply", raising(error, "__array__"))
     with refuses(errors.ArgumentTypeError, "points"):
         pointfile.write(tmp_path / "a.ply", raising(ValueError, "__array__"))
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("force", [None, 1, "yes", np.zeros(0), raising(ValueError, "__bool__")], ids=repr)
+def test_force_is_true_or_false(force, tmp_path):
+    with refuses(errors.ArgumentTypeError, "force", "True or False"):
+        pointfile.write(tmp_path / "a.ply", POINTS, force=force)
     assert not list(tmp_path.iterdir())

@@ -31,7 +31,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ipm_rs._arguments import array_of
+from ipm_rs._arguments import array_of, flag_of
 from ipm_rs.errors import ArgumentError, ArgumentTypeError, FileError
 from ipm_rs.files import as_path, atomically, check_source, check_target, reading
 
@@ -135,7 +135,7 @@ def write(
     ending = check_name(path)
     table = _table(points, {} if values is None else values)
     check_target(path)
-    if os.path.lexists(path) and not force:
+    if not flag_of("force", force) and os.path.lexists(path):
         raise FileError(f"{path}: expected a new file, got one that exists; give another name, or force=True")
     writers: dict[str, Callable[[Any, dict[str, NDArray[Any]]], None]] = {
         ".bin": rows.write_bin,
