@@ -81,7 +81,7 @@ demo: $(INSTALLED) ## Build, then render a synthetic road and its bird's-eye vie
 
 # ---------------------------------------------------------------- checks
 
-.PHONY: test lint typecheck test-rust verify-simd test-python examples snippets bench-smoke
+.PHONY: test lint typecheck test-rust verify-simd test-python fuzz-api examples snippets bench-smoke
 # pytest comes last: its summary is the closing line.
 test: lint typecheck test-rust verify-simd docs examples snippets bench-smoke test-python ## Everything that must pass before a commit
 
@@ -107,6 +107,9 @@ verify-simd: $(WHEEL) ## Disassemble the wheel: every kernel has its instruction
 test-python: $(DEV) $(INSTALLED) ## pytest against the installed wheel
 	$(PY) -W error scripts/smoke.py
 	$(VENV)/bin/pytest $(ARGS)
+
+fuzz-api: $(DEV) $(INSTALLED) ## Call every public name with spoiled arguments: make fuzz-api SEED=1 CALLS=100000
+	$(PY) tests/python/api_fuzz.py --seed $(or $(SEED),0) --calls $(or $(CALLS),100000)
 
 examples: $(DEV) $(INSTALLED) ## Run every script of examples/; each asserts its own result
 	@set -e; for script in examples/*.py; do echo "$(PY) $$script"; $(PY) -W error $$script; done

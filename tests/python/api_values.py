@@ -1,0 +1,371 @@
+"""Right calls of every public name, for the API fuzzer to spoil.
+
+An argument's value comes from its name (`PARAMETERS`); where arguments must fit each other, a recipe makes them
+together (`RECIPES`). A new name needs an entry only where neither says what its arguments are.
+"""
+
+from __future__ import annotations
+
+import inspect
+import pathlib
+import pickle
+import random
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from calibration_samples import SAMPLES
+from helpers import textured
+
+import ipm_rs
+from ipm_rs import calibration, pointfile
+
+WIDTH, HEIGHT = 64, 48
+K = np.array([[50.0, 0, 31.5], [0, 50, 23.5], [0, 0, 1]])
+SQUARE = np.array([[5.0, -2], [9, -2], [9, 2], [5, 2]])
+LENSES = {
+    "BrownConrady": ipm_rs.BrownConrady([0.1, -0.02, 0.001, 0.002]),
+    "KannalaBrandt": ipm_rs.KannalaBrandt([0.01, -0.002, 0.0, 0.0]),
+    "Mei": ipm_rs.Mei(0.9, [0.01, 0, 0, 0]),
+    "DoubleSphere": ipm_rs.DoubleSphere(-0.2, 0.55),
+    "Eucm": ipm_rs.Eucm(0.6, 1.1),
+}
+POSE = {"position": (1.0, 0.2, 1.5), "pitch": 0.3}
+CAMERAS = [
+    ipm_rs.Camera.from_euler(K, image_size=(WIDTH, HEIGHT), lens=lens, **POSE) for lens in (None, *LENSES.values())
+]
+GRIDS = [
+    ipm_rs.BevGrid(x=(4, 14), y=(-4, 4), resolution=0.5),
+    ipm_rs.BevGrid(x=(2, 8), y=(-3, 3), resolution=(0.25, 0.5), sample_at="corner"),
+    ipm_rs.BevGrid(x=(5, 6), y=(0, 1), resolution=1),
+]
+ROADS: list[Any] = [
+    0.0,
+    -0.2,
+    ipm_rs.Plane(normal=(0.01, 0, 1)),
+    ipm_rs.HeightMap(np.random.default_rng(1).normal(0, 0.05, (9, 9)), origin=(0, -8), spacing=2.0),
+]
+LUTS = [ipm_rs.Lut(camera, grid) for camera in CAMERAS[:3] for grid in GRIDS]
+FILES = ("cloud.bin", "cloud.npy", "cloud.ply", "cloud.pcd")
+
+Arguments = dict[str, Any]
+
+
+class Values:
+    """Right values, chosen by a random number generator; files are in `folder`."""
+
+    def __init__(self, rng: random.Random, folder: pathlib.Path) -> None:
+        self.rng, self.folder = rng, folder
+
+    def numbers(self, *shape: int, low: float = -5.0, high: float = 15.0, dtype: str = "f8") -> np.ndarray:
+        return np.random.default_rng(self.rng.getrandbits(32)).uniform(low, high, shape).astype(dtype)
+
+    def count(self) -> int:
+        return self.rng.choice([0, 1, 2, 5, 40])
+
+    def points(self, columns: int = 3) -> np.ndarray:
+        return self.numbers(self.count(), columns, dtype=self.rng.choice(["f8", "f4"]))
+
+    def image(self, *channels: int, dtypes: str = "u1 u2 f4") -> np.ndarray:
+        dtype = np.dtype(self.rng.choice(dtypes.split())).name
+        return textured(HEIGHT, WIDTH, self.rng.choice([None, *channels]), dtype, self.rng.randrange(8))
+
+    def depth(self) -> np.ndarray:
+        return self.numbers(HEIGHT, WIDTH, low=0, high=9, dtype=self.rng.choice(["f4", "f8"]))
+
+    def maps(self) -> Arguments:
+        shape, dtype = (self.rng.choice([1, 5, 30]), self.rng.choice([1, 7, 40])), self.rng.choice(["f4", "f8"])
+        return {f"map_{axis}": self.numbers(*shape, low=-5, high=70, dtype=dtype) for axis in "xy"}
+
+
+P = Callable[[Values], Any]
+PARAMETERS: dict[str, P] = {
+    "K": lambda v: K.copy(),
+    "M": lambda v: np.array([[1.1, 0.02, -3], [0.01, 0.9, 2], [1e-4, 0, 1]]),
+    "R": lambda v: CAMERAS[0].camera_from_vehicle[:3, :3].copy(),
+    "T": lambda v: CAMERAS[0].camera_from_vehicle,
+    "camera": lambda v: v.rng.choice(CAMERAS),
+    "grid": lambda v: v.rng.choice(GRIDS),
+    "ground": lambda v: v.rng.choice(ROADS),
+    "camera_from_vehicle": lambda v: CAMERAS[0].camera_from_vehicle,
+    "points": lambda v: v.points(),
+    "uv": lambda v: v.numbers(v.count(), 2, low=-3, high=66),
+    "xy": lambda v: v.points(2),
+    "rc": lambda v: v.points(2),
+    "threads": lambda v: v.rng.choice([1, 2]),
+    "n": lambda v: v.rng.choice([1, 2]),
+    "image_size": lambda v: (WIDTH, HEIGHT),
+    "source_size": lambda v: (WIDTH, HEIGHT),
+    "size": lambda v: (20, 10),
+    "position": lambda v: (1.0, 0.0, 1.5),
+    "normal": lambda v: (0.0, 0.01, 1.0),
+    "point": lambda v: (0.0, 0.0, 0.1),
+    "lens": lambda v: v.rng.choice(list(LENSES.values())),
+    "coefficients": lambda v: [0.1, -0.02, 0.001, 0.002],
+    "polynomial": lambda v: np.array([200.0, 0, -1e-3]),
+    "affine": lambda v: (1.0, 0.0, 0.0),
+    "max_angle": lambda v: 1.0,
+    "vanishing_point": lambda v: (31.0, 15.0),
+    "focal_length": lambda v: v.rng.choice([50.0, (50.0, 51.0)]),
+    "principal_point": lambda v: (31.0, 23.0),
+    "resolution": lambda v: v.rng.choice([0.5, (0.25, 0.5)]),
+    "sample_at": lambda v: v.rng.choice(["center", "corner"]),
+    "lines": lambda v: np.array([[[0.0, 9], [4, 5]], [[9, 9], [5, 5.5]]]),
+    "image_points": lambda v: CAMERAS[0].project(SQUARE)[0],
+    "ground_points": lambda v: SQUARE.copy(),
+    "heights": lambda v: v.numbers(6, 7, low=-0.1, high=0.1),
+    "origin": lambda v: (0.0, -5.0),
+    "spacing": lambda v: v.rng.choice([2.0, (1.0, -2.0)]),
+    "boxes": lambda v: np.array([[7.0, 0, 3, 2, 0.3], [9, 1, 4, 2, 1]]),
+    "polygons": lambda v: [SQUARE.copy(), SQUARE[:3] + 1],
+    "labels": lambda v: [3, 4],
+    "rule": lambda v: v.rng.choice(["area", "first_pixel"]),
+    "closed": lambda v: v.rng.choice([True, False]),
+    "path": lambda v: v.folder / "camera.json",
+    **{name: lambda v: v.rng.choice([0.1, -0.2]) for name in ("roll", "pitch", "yaw", "slope", "bank", "a", "b", "c")},
+    **{name: lambda v: v.rng.choice([0.3, 0.6]) for name in ("xi", "alpha", "beta", "minimum", "outside", "margin")},
+    **{name: lambda v: v.rng.choice([0.5, 1.5]) for name in ("height", "tolerance", "pixel", "pitch_deg", "column")},
+    **{name: lambda v: v.rng.choice([1, 2]) for name in ("width", "x", "y")},
+}
+
+
+def _layout(v: Values, image: np.ndarray) -> Arguments:
+    layout = v.rng.choice(["HWC", "CHW", "NHWC", "NCHW"] if image.ndim == 3 else ["HWC"])
+    array = image.transpose(2, 0, 1) if "C" in layout[:2] else image
+    array = np.stack([array] * 2) if "N" in layout else np.ascontiguousarray(array)
+    return {"image": array, "layout": layout}
+
+
+def _warp(v: Values) -> tuple[Callable[..., Any], Arguments]:
+    interpolation = v.rng.choice(["bilinear", "nearest", "area", "mode"])
+    dtypes = {"nearest": "bool u1 i4 f8", "mode": "u1 i2 u4"}.get(interpolation, "u1 u2 f4")
+    lut, arguments = v.rng.choice(LUTS), _layout(v, v.image(1, 3, 4, dtypes=dtypes))
+    more = {"interpolation": interpolation, "threads": 2, "border_value": v.rng.choice([0, 1, 1.0])}
+    if v.rng.random() < 0.5:
+        image, layout = arguments["image"], arguments["layout"]
+        rows, columns = (layout.index("H"), layout.index("W")) if image.ndim > 2 else (0, 1)
+        shape = list(image.shape)
+        shape[rows], shape[columns] = lut.shape
+        more["out"] = np.zeros(shape, image.dtype)
+    return lut.warp, arguments | more
+
+
+def _direct(v: Values, arguments: Arguments, shape: tuple[int, int]) -> Arguments:
+    arguments |= {
+        "interpolation": v.rng.choice(["bilinear", "nearest"]),
+        "border_mode": v.rng.choice(["constant", "replicate", "reflect_101"]),
+        "border_value": v.rng.choice([0, 7]),
+        "threads": 1,
+    }
+    if v.rng.random() < 0.5:
+        image = arguments["image"]
+        arguments["out"] = np.zeros((*shape, *image.shape[2:]), image.dtype)
+    return arguments
+
+
+def _remap(v: Values) -> tuple[Callable[..., Any], Arguments]:
+    arguments = {"image": v.image(1, 3), **v.maps()}
+    return ipm_rs.remap, _direct(v, arguments, arguments["map_x"].shape)
+
+
+def _warp_perspective(v: Values) -> tuple[Callable[..., Any], Arguments]:
+    arguments = {
+        "image": v.image(1, 3),
+        "M": PARAMETERS["M"](v),
+        "dsize": (20, 10),
+        "inverse_map": v.rng.choice([True, False]),
+    }
+    return ipm_rs.warp_perspective, _direct(v, arguments, (10, 20))
+
+
+def _points_from_depth(v: Values) -> tuple[Callable[..., Any], Arguments]:
+    arguments: Arguments = {
+        "depth": v.depth(),
+        "K": v.rng.choice([K.copy(), CAMERAS[0], CAMERAS[1], ipm_rs.PixelRays(CAMERAS[2])]),
+        "max_depth": 8.0,
+        "frame": v.rng.choice(["camera", "flu", np.eye(4)]),
+        "min_depth": 0.5,
+        "kind": v.rng.choice(["z", "ray"]),
+        "depth_scale": 1.0,
+        "stride": v.rng.choice([1, 2, 7]),
+        "mask": v.image(dtypes="bool u1"),
+        "dtype": v.rng.choice(["float32", "float64"]),
+    }
+    if v.rng.random() < 0.4:
+        values = [v.image(3), v.image(dtypes="i8 bool")]
+        return ipm_rs.points_from_depth, arguments | {"compact": True, "values": v.rng.choice([values, values[0]])}
+    if v.rng.random() < 0.5:
+        shape = (*(-(-n // arguments["stride"]) for n in (HEIGHT, WIDTH)), 3)
+        arguments["out"] = np.zeros(shape, arguments["dtype"])
+    return ipm_rs.points_from_depth, arguments
+
+
+def _rasterize(v: Values) -> tuple[Callable[..., Any], Arguments]:
+    points = v.points(v.rng.choice([3, 4]))
+    dtype = v.rng.choice("bool u1 i2 u4 i8 f4 f8".split())
+    return ipm_rs.rasterize, {
+        "points": points,
+        "grid": v.rng.choice(GRIDS),
+        "values": v.numbers(len(points), *v.rng.choice([(), (2,)]), low=0).astype(dtype),
+        "reduce": v.rng.choice(["max", ("count", "density", "min", "max", "mean", "last", "top")]),
+        "slices": [0.0, 2, 9],
+        "density_full": 9.0,
+        "threads": 2,
+    }
+
+
+def _render_points(v: Values) -> tuple[Callable[..., Any], Arguments]:
+    points = v.points(v.rng.choice([3, 5]))
+    return ipm_rs.render_points, {
+        "points": points,
+        "camera": v.rng.choice(CAMERAS),
+        "values": v.numbers(len(points), *v.rng.choice([(), (3,)]), low=0).astype(v.rng.choice(["u1", "f4", "i8"])),
+        "radius": v.rng.choice([0.0, 0.05, 2.0]),
+        "kind": v.rng.choice(["z", "ray"]),
+        "min_depth": 0.1,
+        "max_depth": 50.0,
+        "border_value": 0,
+        "threads": 2,
+    }
+
+
+def _reader(v: Values) -> tuple[Callable[..., Any], Arguments]:
+    name = v.rng.choice(sorted(SAMPLES))
+    sample, source = SAMPLES[name], v.folder / name
+    path = source / (sample.source or next(iter(sample.files)))
+    if v.rng.random() < 0.3:
+        return ipm_rs.Camera.load, {"path": path, **sample.options}
+    return calibration.reader(sample.format).read, {"source": path, **sample.options}
+
+
+def _on_grid(v: Values) -> tuple[Callable[..., Any], Arguments]:
+    grid = v.rng.choice(GRIDS)
+    return ipm_rs.HeightMap.on_grid, {"heights": v.numbers(*grid.shape, low=0, high=0.2), "grid": grid}
+
+
+def _write(v: Values) -> tuple[Callable[..., Any], Arguments]:
+    points = v.points()
+    values = {"intensity": v.numbers(len(points), dtype="f4"), "ring": np.arange(len(points), dtype="u2")}
+    return pointfile.write, {
+        "path": v.folder / f"written-{v.rng.choice(FILES)}",
+        "points": points,
+        "values": values,
+        "force": True,
+    }
+
+
+def _pickled(v: Values) -> tuple[Callable[..., Any], Arguments]:
+    return pickle.loads, {"data": pickle.dumps(v.rng.choice(OBJECTS))}
+
+
+def _with(function: Callable[..., Any], make: Callable[[Values], Arguments]) -> Callable[[Values], Any]:
+    return lambda v: (function, make(v))
+
+
+RECIPES: dict[str, Callable[[Values], tuple[Callable[..., Any], Arguments]]] = {
+    "Lut.warp": _warp,
+    "remap": _remap,
+    "warp_perspective": _warp_perspective,
+    "points_from_depth": _points_from_depth,
+    "rasterize": _rasterize,
+    "render_points": _render_points,
+    "readers": _reader,
+    "HeightMap.on_grid": _on_grid,
+    "pointfile.write": _write,
+    "pointfile.read": _with(pointfile.read, lambda v: {"path": v.folder / v.rng.choice(FILES)}),
+    "Camera.resized": lambda v: (v.rng.choice(CAMERAS).resized, {"width": 32, "height": 24}),
+    "Camera.cropped": lambda v: (v.rng.choice(CAMERAS).cropped, {"x": 3, "y": 4, "width": 32, "height": 24}),
+    "Lut.from_maps": _with(ipm_rs.Lut.from_maps, lambda v: {**v.maps(), "source_size": (WIDTH, HEIGHT)}),
+    "Lut._from_bytes": _with(ipm_rs.Lut._from_bytes, lambda v: {"data": LUTS[0].__reduce__()[1][0]}),
+    "BevGrid": _with(ipm_rs.BevGrid, lambda v: {"x": (4, 14), "y": (-4, 4), "resolution": PARAMETERS["resolution"](v)}),
+    "RadialPolynomial": _with(ipm_rs.RadialPolynomial, lambda v: {"coefficients": [50.0, 0.1, 0, 0], "max_angle": 1.0}),
+    "decode_carla_depth": _with(
+        ipm_rs.decode_carla_depth,
+        lambda v: {"image": textured(HEIGHT, WIDTH, 4), "order": "bgra", "normalized": True, "threads": 1},
+    ),
+    "encode_carla_depth": _with(
+        ipm_rs.encode_carla_depth, lambda v: {"depth": v.depth(), "order": "rgb", "normalized": False, "threads": 1}
+    ),
+    "depth_to_lidar": _with(
+        ipm_rs.depth_to_lidar, lambda v: {"normalized_depth": v.depth() / 10, "w": WIDTH, "h": HEIGHT, "K": K.copy()}
+    ),
+    "depth_to_local_point_cloud": _with(
+        ipm_rs.depth_to_local_point_cloud,
+        lambda v: {"normalized_depth": v.depth() / 10, "fov": 90.0, "color": v.image(3), "max_depth": 0.8},
+    ),
+    "Layers": _with(
+        ipm_rs.Layers, lambda v: {"layers": {"max": np.zeros((2, 2))}, "inside": 1, "outside": 2, "ignored": 3}
+    ),
+}
+OBJECTS = [*CAMERAS, *GRIDS, *ROADS[2:], *LUTS, *LENSES.values(), ipm_rs.PixelRays(CAMERAS[1])]
+SKIPPED = {"Camera.load"}  # "readers" loads, with samples of every format
+CLASSES = [item for item in vars(ipm_rs).values() if inspect.isclass(item) and not issubclass(item, (Exception, dict))]
+
+
+def names() -> dict[str, Callable[[Values], tuple[Callable[..., Any], Arguments]]]:
+    """Every public name that can be called, and how."""
+    found = dict(RECIPES)
+    for name in ipm_rs.__all__:
+        item = getattr(ipm_rs, name)
+        if callable(item) and not (inspect.isclass(item) and issubclass(item, Exception)):
+            found.setdefault(name, _by_name(lambda v, item=item: item, item))
+    for kind in CLASSES:
+        own = [each for each in OBJECTS if type(each) is kind] or [_one_of(kind)]
+        for name, member in inspect.getmembers(kind):
+            full = f"{kind.__name__}.{name}"
+            if (
+                name.startswith("_")
+                or full in SKIPPED
+                or (
+                    name.startswith("from_")
+                    and hasattr(calibration, "reader")
+                    and (name.removeprefix("from_") in calibration.FORMATS)
+                )
+            ):
+                continue
+            if callable(member):
+                found.setdefault(full, _by_name(lambda v, own=own, name=name: getattr(v.rng.choice(own), name), member))
+            else:
+                found.setdefault(full, lambda v, own=own, name=name: (lambda: getattr(v.rng.choice(own), name), {}))
+        for name in ("__repr__", "__reduce__", *(["__hash__"] if kind.__hash__ else [])):
+            found[f"{kind.__name__}.{name}"] = lambda v, own=own, name=name: (getattr(v.rng.choice(own), name), {})
+        found[f"{kind.__name__}.__eq__"] = lambda v, own=own: (
+            _equal(v.rng.choice(own)),
+            {"other": v.rng.choice(own)},
+        )
+    return found
+
+
+def _equal(one: Any) -> Callable[[Any], Any]:
+    """Compare by the method itself, for ``==`` asks the other object too, which may raise what it likes."""
+    return lambda other: (type(one).__eq__(one, other), type(one).__ne__(one, other))
+
+
+def _one_of(kind: type) -> Any:
+    if kind is ipm_rs.RadialPolynomial:
+        return ipm_rs.RadialPolynomial([50.0, 0.1, 0, 0])
+    return ipm_rs.Ocam([200.0, 0, -1e-3])
+
+
+def _by_name(function: Callable[[Values], Any], like: Any) -> Callable[[Values], tuple[Callable[..., Any], Arguments]]:
+    """Arguments by the names of the parameters: those that are needed, and half of those that are not."""
+
+    def call(v: Values) -> tuple[Callable[..., Any], Arguments]:
+        arguments = {}
+        for name, parameter in inspect.signature(like).parameters.items():
+            needed = parameter.default is inspect.Parameter.empty
+            if name != "self" and (needed or (name in PARAMETERS and v.rng.random() < 0.5)):
+                arguments[name] = PARAMETERS[name](v)
+        return function(v), arguments
+
+    return call
+
+
+def write_files(folder: pathlib.Path) -> None:
+    """Write what the values read."""
+    CAMERAS[1].save(folder / "camera.json")
+    points = np.random.default_rng(2).uniform(-5, 15, (50, 3)).astype("f4")
+    for name in FILES:
+        pointfile.write(folder / name, points, {"intensity": points[:, 0]})
+    for name, sample in SAMPLES.items():
+        sample.write(folder / name)
