@@ -139,18 +139,17 @@ def test_any_flipped_byte(tmp_path):
     np.savez_compressed(path, mtx=K, dist=D, image_size=SIZE)
     good, whole = path.read_bytes(), ipm_rs.Camera.load(path)
     for at in range(len(good)):
-        for flip in (0x01, 0x80, 0xFF):
-            path.write_bytes(good[:at] + bytes([good[at] ^ flip]) + good[at + 1 :])
-            try:
-                assert ipm_rs.Camera.load(path) == whole
-            except errors.IpmError:
-                continue
+        path.write_bytes(good[:at] + bytes([good[at] ^ (1 << at % 8)]) + good[at + 1 :])
+        try:
+            assert ipm_rs.Camera.load(path) == whole
+        except errors.IpmError:
+            continue
 
 
 def test_zip_bombs_stay_packed(tmp_path):
     path = tmp_path / "bomb.npz"
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
-        archive.writestr("depth.npy", bytes(200 << 20))
+        archive.writestr("depth.npy", bytes(40 << 20))
         for name, array in (("mtx", K), ("dist", D)):
             buffer = io.BytesIO()
             np.lib.format.write_array(buffer, array)

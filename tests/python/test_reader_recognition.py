@@ -104,12 +104,18 @@ def test_other_files_are_named(data, said, tmp_path):
 # Large and hostile files
 
 
+KEYS = ",".join(f'"k{i}":0' for i in range(900))
+
+
 @pytest.mark.parametrize(
     ("name", "text"),
     [
         ("log.txt", "P0: 7 2 3\n" * 3_200_000),
         ("list.json", "[" + "1," * 4_000_000 + "1]"),
         ("keys.json", "{" + ",".join(f'"k{i}":0' for i in range(2_000_000)) + "}"),
+        ("near.json", "{" + ",".join(f'"k{i}":0' for i in range(900_000)) + "}"),
+        ("nested.json", "{" + ",".join(f'"s{i}":{{{KEYS}}}' for i in range(900)) + "}"),
+        ("listed.json", "[" + ",".join(f"{{{KEYS}}}" for i in range(900)) + "]"),
         ("keys.yaml", "".join(f"key{i}: 0\n" for i in range(400_000))),
         ("flow.yaml", "a: [" + "1," * 1_900_000 + "1]\n"),
         ("deep.json", '{"a":' * 100_000),

@@ -17,7 +17,7 @@ from ipm_rs.calibration._checks import describe, listed
 from ipm_rs.calibration._yaml import Tagged
 from ipm_rs.errors import CalibrationError
 
-__all__ = ["HEIGHT", "SIZE", "WIDTH", "D", "K", "Named", "has_camera", "near_matrix", "spelled"]
+__all__ = ["HEIGHT", "MAX_KEYS", "SIZE", "WIDTH", "D", "K", "Named", "has_camera", "near_matrix", "spelled"]
 
 K = (
     "cameramatrix", "cameramat", "camermatrix", "cammatrix", "cammat", "cammtx", "intrinsicmatrix", "intrinsicmat",
@@ -34,6 +34,9 @@ D = (
 )  # fmt: skip
 SIZE = ("imagesize", "imgsize", "imageresolution", "resolution", "framesize", "size")
 WIDTH, HEIGHT = ("imagewidth", "imgwidth", "width"), ("imageheight", "imgheight", "height")
+
+MAX_KEYS = 1000
+"""Of one camera, or of all that stand side by side; in a larger table there is no sense in looking for names."""
 
 _MARK = re.compile(r"(?:cam|camera)?(left|right|l|r|[0-9]{1,2})")
 
@@ -87,6 +90,8 @@ def near_matrix(value: Any) -> str | None:
 
 def _cameras(content: Mapping[Any, Any]) -> set[str | None]:
     """Sides of which a mapping has a camera matrix; None for one without a mark."""
+    if len(content) > MAX_KEYS:
+        return set()
     names = {spelled(key): value for key, value in content.items()}
     lens = any(name in D or _split(name, D) for name in names)
     found: set[str | None] = set()

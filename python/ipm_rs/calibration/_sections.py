@@ -19,20 +19,23 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ipm_rs.calibration._checks import describe, listed
-from ipm_rs.calibration._names import SIZE, has_camera, spelled
+from ipm_rs.calibration._names import MAX_KEYS, SIZE, has_camera, spelled
 from ipm_rs.errors import ArgumentError
 
 __all__ = ["choose", "sections"]
 
 _NAMES = ("name", "cameraname", "camera", "id", "cameraid", "label", "serial", "serialnumber")
 _POSE = ("rvec", "tvec")
+_MAX_KEYS = 30_000  # a rig of 500 cameras has 10 000 at three levels
 
 
 def sections(content: Any) -> dict[str, dict[str, Any]]:
     """Each camera's name and values, where a file has a section for each; empty where one stands at the top."""
-    if isinstance(content, (list, tuple)):
+    if not isinstance(content, (Mapping, list, tuple)) or _is_table(content):
+        return {}
+    if not isinstance(content, Mapping):
         return _from_list(content, {})
-    if not isinstance(content, Mapping) or has_camera(content):
+    if has_camera(content):
         return {}
     groups = {str(key): value for key, value in content.items() if _is_section(value) and spelled(key) not in SIZE}
     shared = {key: value for key, value in content.items() if str(key) not in groups and not _is_list(value)}
@@ -99,7 +102,7 @@ def _one_in_places(
 
 def _from_list(values: Sequence[Any], shared: Mapping[Any, Any]) -> dict[str, dict[str, Any]]:
     """Cameras of a list, by the names that they state, or else by their numbers."""
-    if len(values) > 1000 or not all(isinstance(value, Mapping) for value in values):
+    if len(values) > MAX_KEYS or not all(isinstance(value, Mapping) for value in values):
         return {}
     found = {}
     for index, value in enumerate(values):
@@ -108,6 +111,17 @@ def _from_list(values: Sequence[Any], shared: Mapping[Any, Any]) -> dict[str, di
             name = next((str(stated[key]) for key in _NAMES if key in stated), str(index))
             found[name if name not in found else f"{name} ({index})"] = merged(shared, value)
     return found
+
+
+def _is_table(content: Mapping[Any, Any] | Sequence[Any]) -> bool:
+    """Whether there is too much at the first levels for a file of cameras."""
+    level: list[Any] = [content]
+    for _ in range(3):
+        if sum(len(value) for value in level) > _MAX_KEYS:
+            return True
+        items = (item for value in level for item in (value.values() if isinstance(value, Mapping) else value))
+        level = [item for item in items if isinstance(item, (Mapping, list, tuple))]
+    return False
 
 
 def _is_section(value: Any) -> bool:

@@ -37,6 +37,8 @@ __all__ = ["KEYS", "missing", "read"]
 TITLE = "MATLAB monoCamera"
 KEYS = ("ImageSize", "FocalLength", "PrincipalPoint", "IntrinsicMatrix", "RadialDistortion", "SensorLocation")
 
+_MOST_KEYS = 1000  # at the top; a larger table is something else
+
 _KNOWN = (
     "intrinsics focallength principalpoint imagesize skew k intrinsicmatrix radialdistortion tangentialdistortion "
     "height pitch yaw roll sensorlocation worldunits"
@@ -51,7 +53,7 @@ def missing(document: Document) -> str | None:
         return "not JSON"
     if not isinstance(content, Mapping):
         return "no JSON object"
-    keys = {str(key) for key in content}
+    keys = {str(key) for key in content} if len(content) <= _MOST_KEYS else set()
     inner = [value for key, value in content.items() if str(key).lower() == "intrinsics"]
     keys |= {str(key) for value in inner if isinstance(value, Mapping) for key in value}
     names = {key.lower().removesuffix("_deg") for key in keys}

@@ -81,7 +81,7 @@ def missing(document: Document) -> str | None:
         return "no named values"
     if names.has_camera(tree) or _sections.sections(tree):
         return None
-    content = tree if isinstance(tree, Mapping) else {}
+    content = tree if isinstance(tree, Mapping) and len(tree) <= names.MAX_KEYS else {}
     reasons = [
         f"{str(key)[:40]!r} is no 3x3 matrix: {why}"
         for key, value in content.items()
