@@ -10,7 +10,7 @@ use std::hint::black_box;
 
 use common::{seed_camera, seed_grid, textured};
 use ipm_rs::{
-    Bilinear, BorderMode, Camera, Ground, ImageView, ImageViewMut, Interpolation, Lut, Mapping, WarpOptions,
+    Bilinear, BorderMode, Camera, F16, Ground, ImageView, ImageViewMut, Interpolation, Lut, Mapping, WarpOptions,
     warp_direct_into,
 };
 
@@ -40,7 +40,12 @@ fn main() {
         "area u8x3" => area(&camera, 3, true),
         "area plan" => area(&camera, 1, false),
         "table" => table(&camera),
-        "homography u8x3" => homography(),
+        "bilinear i16x3" => warp::<i16>(&camera, 3, Interpolation::Bilinear, |byte| i16::from(byte) * 257 - 3000),
+        "bilinear f16x3" => warp::<F16>(&camera, 3, Interpolation::Bilinear, |byte| F16::from_f32(byte.into())),
+        "bilinear f64x3" => warp::<f64>(&camera, 3, Interpolation::Bilinear, f64::from),
+        "homography u8x3" => homography::<u8>(3, |byte| byte),
+        "homography f32x1" => homography::<f32>(1, f32::from),
+        "homography f32x3" => homography::<f32>(3, f32::from),
         other => panic!("expected a job of benches/instructions.json, got {other:?}"),
     };
     println_cells(cells);
@@ -90,11 +95,11 @@ fn table(camera: &Camera) -> usize {
 }
 
 /// Warps by a homography, without a table; returns the cells.
-fn homography() -> usize {
-    let data = textured(SIZE.0 * SIZE.1 * 3);
-    let image = ImageView::new(&data, SIZE, 3).expect("the image fits its size");
-    let mut out = vec![0; 400 * 400 * 3];
-    let mut out = ImageViewMut::new(&mut out, (400, 400), 3).expect("the output fits");
+fn homography<T: Bilinear>(channels: usize, sample: fn(u8) -> T) -> usize {
+    let data: Vec<T> = textured(SIZE.0 * SIZE.1 * channels).into_iter().map(sample).collect();
+    let image = ImageView::new(&data, SIZE, channels).expect("the image fits its size");
+    let mut out = vec![T::default(); 400 * 400 * channels];
+    let mut out = ImageViewMut::new(&mut out, (400, 400), channels).expect("the output fits");
     let m = nalgebra::Matrix3::new(2.1, -0.3, 60.0, 0.1, 1.1, 20.0, 1e-4, 2e-4, 1.0);
     let options = WarpOptions { threads: Some(1), ..WarpOptions::default() };
     let mapping = Mapping::Homography(m);

@@ -24,12 +24,17 @@ JOBS = [
     "bilinear u16x3",
     "bilinear f32x1",
     "bilinear f32x3",
+    "bilinear i16x3",
+    "bilinear f16x3",
+    "bilinear f64x3",
     "nearest u8x1",
     "nearest u8x3",
     "area u8x3",
     "area plan",  # and a warp of u8x1, without which there is no plan
     "table",
     "homography u8x3",
+    "homography f32x1",
+    "homography f32x3",
 ]
 TOLERANCE = 0.03  # another compiler version moves a job by 1 to 2 %
 
