@@ -3,6 +3,7 @@
 use std::marker::PhantomData;
 
 use crate::error::{Error, Result};
+use crate::half::F16;
 
 /// A number that an image may consist of.
 pub trait Sample: Copy + Default + Send + Sync + sealed::Plain {}
@@ -17,12 +18,12 @@ pub(crate) mod sealed {
 
 macro_rules! samples {
     ($($number:ty),*) => {$(
-        // SAFETY: a primitive number.
+        // SAFETY: a primitive number, or one that is `repr(transparent)` over such.
         unsafe impl sealed::Plain for $number {}
         impl Sample for $number {}
     )*};
 }
-samples!(u8, u16, u32, u64, i8, i16, i32, i64, f32, f64);
+samples!(u8, u16, u32, u64, i8, i16, i32, i64, F16, f32, f64);
 
 /// The bytes of samples.
 pub(crate) fn as_bytes<T: Sample>(samples: &[T]) -> &[u8] {
@@ -78,6 +79,7 @@ impl<'a, T> ImageView<'a, T> {
     }
 
     /// Columns.
+    #[inline(always)]
     pub fn width(&self) -> usize {
         self.width
     }
@@ -88,11 +90,13 @@ impl<'a, T> ImageView<'a, T> {
     }
 
     /// Samples per pixel.
+    #[inline(always)]
     pub fn channels(&self) -> usize {
         self.channels
     }
 
     /// The samples between which all rows lie.
+    #[inline(always)]
     pub(crate) fn data(&self) -> &'a [T] {
         self.data
     }
@@ -104,6 +108,7 @@ impl<'a, T> ImageView<'a, T> {
     }
 
     /// Whether pixel i of row y is sample `(y * width + i) * channels` of `data`.
+    #[inline(always)]
     pub(crate) fn is_contiguous(&self) -> bool {
         self.origin == 0 && self.row_stride == (self.width * self.channels) as isize
     }

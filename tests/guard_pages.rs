@@ -12,7 +12,7 @@ use std::mem::MaybeUninit;
 use std::ptr;
 use std::sync::atomic::{AtomicPtr, Ordering};
 
-use ipm_rs::{Bilinear, Isa};
+use ipm_rs::{Bilinear, F16, Isa};
 use isas::{Job, Number, Random, Rows, Walk, compared, noise};
 
 /// On which side the samples touch a page that may not be touched.
@@ -161,6 +161,10 @@ impl Pages {
         self.try_all(&Job::<T>::area(), size, channels, random);
     }
 
+    fn direct<T: Bilinear + Number>(&mut self, size: (usize, usize), channels: usize, random: &mut Random) {
+        self.try_all(&Job::<T>::direct(), size, channels, random);
+    }
+
     fn nearest<T: Number>(&mut self, size: (usize, usize), channels: usize, random: &mut Random) {
         self.try_all(&Job::<T>::nearest(), size, channels, random);
     }
@@ -180,7 +184,19 @@ fn no_byte_outside_the_image_or_the_output() {
             pages.bilinear::<f32>(size, channels, &mut random);
             pages.nearest::<u8>(size, channels, &mut random);
             pages.area::<u8>(size, channels, &mut random);
+            pages.direct::<f32>(size, channels, &mut random);
         }
+        for channels in [1, 2, 3, 4, 5] {
+            pages.bilinear::<i8>(size, channels, &mut random);
+            pages.bilinear::<i16>(size, channels, &mut random);
+            pages.bilinear::<F16>(size, channels, &mut random);
+            pages.bilinear::<f64>(size, channels, &mut random);
+            pages.direct::<F16>(size, channels, &mut random);
+            pages.direct::<f64>(size, channels, &mut random);
+        }
+        pages.area::<i16>(size, 3, &mut random);
+        pages.area::<F16>(size, 3, &mut random);
+        pages.area::<f64>(size, 3, &mut random);
         for channels in [1, 2, 3, 4] {
             pages.nearest::<u16>(size, channels, &mut random);
             pages.nearest::<u32>(size, channels, &mut random);

@@ -9,7 +9,7 @@ mod isas;
 
 use common::{image, seed_camera, seed_grid, textured};
 use ipm_rs::warp::reference;
-use ipm_rs::{Bilinear, Ground, Interpolation, Isa, Lut, WarpOptions};
+use ipm_rs::{Bilinear, F16, Ground, Interpolation, Isa, Lut, WarpOptions};
 use isas::{Job, Number, Random, Rows, Walk, noise};
 use nalgebra::Vector3;
 use proptest::prelude::*;
@@ -30,6 +30,10 @@ fn area<T: Bilinear + Number>(lut: &Lut, rows: Rows, channels: usize, what: &str
     compare(&Job::<T>::area(), lut, rows, channels, what, random);
 }
 
+fn direct<T: Bilinear + Number>(lut: &Lut, rows: Rows, channels: usize, what: &str, random: &mut Random) {
+    compare(&Job::<T>::direct(), lut, rows, channels, &format!("{what}, without a table"), random);
+}
+
 fn nearest<T: Number>(lut: &Lut, rows: Rows, channels: usize, what: &str, random: &mut Random) {
     compare(&Job::<T>::nearest(), lut, rows, channels, what, random);
 }
@@ -44,9 +48,25 @@ fn everything(lut: &Lut, rows: Rows, what: &str, random: &mut Random) {
         bilinear::<f32>(lut, rows, channels, what, random);
         area::<u8>(lut, rows, channels, what, random);
         nearest::<u8>(lut, rows, channels, what, random);
+        direct::<f32>(lut, rows, channels, what, random);
     }
+    for channels in [1, 2, 3, 4, 5] {
+        bilinear::<i8>(lut, rows, channels, what, random);
+        bilinear::<i16>(lut, rows, channels, what, random);
+        bilinear::<F16>(lut, rows, channels, what, random);
+        bilinear::<f64>(lut, rows, channels, what, random);
+        direct::<F16>(lut, rows, channels, what, random);
+        direct::<f64>(lut, rows, channels, what, random);
+    }
+    direct::<u8>(lut, rows, 3, what, random);
+    direct::<u16>(lut, rows, 3, what, random);
+    direct::<i16>(lut, rows, 3, what, random);
     area::<u16>(lut, rows, 3, what, random);
     area::<f32>(lut, rows, 3, what, random);
+    area::<i8>(lut, rows, 3, what, random);
+    area::<i16>(lut, rows, 2, what, random);
+    area::<F16>(lut, rows, 3, what, random);
+    area::<f64>(lut, rows, 3, what, random);
     // pixels of 2, 4, 6, 8, 12 and 16 bytes in the samples in which they come; those of 1 and 3 are above
     nearest::<u16>(lut, rows, 1, what, random);
     nearest::<u16>(lut, rows, 3, what, random);

@@ -7,7 +7,7 @@ mod common;
 use common::{image, seed_camera, seed_grid, textured};
 use ipm_rs::warp::reference;
 use ipm_rs::{
-    BevGrid, Bilinear, BrownConrady, Camera, Error, Ground, ImageView, ImageViewMut, Interpolation, KannalaBrandt,
+    BevGrid, Bilinear, BrownConrady, Camera, Error, F16, Ground, ImageView, ImageViewMut, Interpolation, KannalaBrandt,
     Lens, Lut, Mei, Pinhole, WarpOptions,
 };
 use nalgebra::{Matrix3, Vector3};
@@ -46,6 +46,43 @@ impl Tolerance for f32 {
     }
 }
 
+impl Tolerance for f64 {
+    fn bilinear(range: f64) -> f64 {
+        range / 16384.0
+    }
+    fn from_byte(byte: u8) -> Self {
+        5e6 + f64::from(byte) * 0.004
+    }
+}
+
+impl Tolerance for F16 {
+    /// Its numbers lie within 64 of 0, where halves are at most 2^-5 apart.
+    fn bilinear(range: f64) -> f64 {
+        range / 16384.0 + 1.0 / 64.0
+    }
+    fn from_byte(byte: u8) -> Self {
+        Self::from_f32(f32::from_byte(byte))
+    }
+}
+
+impl Tolerance for i8 {
+    fn bilinear(_: f64) -> f64 {
+        0.52
+    }
+    fn from_byte(byte: u8) -> Self {
+        byte as Self
+    }
+}
+
+impl Tolerance for i16 {
+    fn bilinear(_: f64) -> f64 {
+        3.0
+    }
+    fn from_byte(byte: u8) -> Self {
+        i16::from(byte as i8) * 255
+    }
+}
+
 /// Warps with both interpolations and compares every cell; returns how many cells were valid and how many halo.
 fn compare<T: Tolerance>(
     lut: &Lut,
@@ -57,7 +94,7 @@ fn compare<T: Tolerance>(
     let view = ImageView::new(&data, (width, height), channels).unwrap();
     let border: Vec<T> = (0..channels).map(|channel| T::from_byte(50 * (channel as u8 + 1) % 251)).collect();
     let exact_border: Vec<f64> = border.iter().map(|&value| value.into()).collect();
-    let range: f64 = T::from_byte(255).into() - T::from_byte(0).into();
+    let range: f64 = (T::from_byte(255).into() - T::from_byte(0).into()).abs();
     let mask = lut.mask();
     let (mut valid, mut halo) = (0, 0);
     for interpolation in [Interpolation::Nearest, Interpolation::Bilinear] {
@@ -99,6 +136,10 @@ fn the_seed_job_in_every_dtype() {
         assert!(valid > 10_000 && halo > 10, "{valid} {halo}");
         compare::<u16>(&lut, &coordinate, channels);
         compare::<f32>(&lut, &coordinate, channels);
+        compare::<f64>(&lut, &coordinate, channels);
+        compare::<F16>(&lut, &coordinate, channels);
+        compare::<i8>(&lut, &coordinate, channels);
+        compare::<i16>(&lut, &coordinate, channels);
     }
 }
 
@@ -271,6 +312,10 @@ proptest! {
         compare::<u8>(&lut, at, channels);
         compare::<u16>(&lut, at, channels);
         compare::<f32>(&lut, at, channels);
+        compare::<f64>(&lut, at, channels);
+        compare::<F16>(&lut, at, channels);
+        compare::<i8>(&lut, at, channels);
+        compare::<i16>(&lut, at, channels);
         prop_assert!(lut.nbytes() <= 12 * map_x.len() + 16);
         prop_assert_eq!(Lut::from_bytes(&lut.to_bytes()).unwrap(), lut);
     }

@@ -1398,8 +1398,9 @@ class Lut:
         Args:
             image: (H, W) or (H, W, C) of the table's source size, or what `layout` says, with any stride between rows,
                 planes and images; read without a copy. A NumPy array, or what shares its memory as one: a CPU tensor
-                (DLPack, `__array__`), a memoryview. "bilinear" and "area" take uint8, uint16 and float32, "nearest" any
-                bool, integer or float dtype of 1, 2, 4 or 8 bytes, "mode" the same without floats.
+                (DLPack, `__array__`), a memoryview. "bilinear" and "area" take uint8, int8, uint16, int16,
+                float16, float32 and float64, "nearest" any bool, integer or float dtype of 1, 2, 4 or 8 bytes, "mode"
+                the same without floats. The result has the image's dtype.
             interpolation: "bilinear" blends the four pixels around the coordinate. "nearest" copies one (halves to
                 even), so label images keep their ids. "area" is the mean of all that the cell covers of the image, so
                 that nothing flickers or makes patterns of its own where a cell is larger than a pixel; where it is not,
@@ -1690,7 +1691,8 @@ def remap(
 ) -> NDArray[Any]:
     """Warps an image by maps, as `cv2.remap`: cell (i, j) samples (map_x[i, j], map_y[i, j]).
 
-    For maps that are used once; a `Lut` of them is faster from the second frame on.
+    For maps that are used once; a `Lut` of them is faster from the second frame on. Floats are blended by the maps'
+    numbers as they are, within 2^-20 of the range of the four pixels; a `Lut` keeps steps of 1/32768 pixel.
 
     Args:
         image: (H, W) or (H, W, C), as `Lut.warp` takes it.
@@ -1725,6 +1727,8 @@ def warp_perspective(
     threads: int | None = None,
 ) -> NDArray[Any]:
     """Warps an image by a homography, as `cv2.warpPerspective`.
+
+    Floats are blended by exact coordinates, as `remap` does it.
 
     Args:
         image: (H, W) or (H, W, C), as `Lut.warp` takes it.

@@ -3,6 +3,7 @@
 use pyo3::prelude::*;
 
 use super::convert::{flag, matrix3, size};
+use super::dtype::{Samples, for_blended, for_moved};
 use super::image::{ImageArray, Output};
 use super::layout::Layout;
 use super::maps::{MapPair, map_array};
@@ -11,7 +12,7 @@ use super::shared;
 use crate::camera::check_image_size;
 use crate::grid::check_cells;
 use crate::{
-    BorderMode, ImageView, ImageViewMut, Interpolation, Mapping, Sample, WarpOptions, inverse_homography,
+    Bilinear, BorderMode, ImageView, ImageViewMut, Interpolation, Mapping, Sample, WarpOptions, inverse_homography,
     warp_direct_into, warp_direct_nearest_into,
 };
 
@@ -107,15 +108,18 @@ impl<'py> Call<'py> {
 
     /// Warps to an output of (rows, columns).
     fn run(self, mapping: &Mapping<'_>, shape: (usize, usize)) -> PyResult<Bound<'py, PyAny>> {
-        match (self.interpolation, self.image.sample_bytes(self.interpolation)?) {
-            (Interpolation::Nearest, 1) => self.run_as::<u8>(warp_direct_nearest_into, mapping, shape),
-            (Interpolation::Nearest, 2) => self.run_as::<u16>(warp_direct_nearest_into, mapping, shape),
-            (Interpolation::Nearest, 4) => self.run_as::<u32>(warp_direct_nearest_into, mapping, shape),
-            (Interpolation::Nearest, _) => self.run_as::<u64>(warp_direct_nearest_into, mapping, shape),
-            (_, 1) => self.run_as::<u8>(warp_direct_into, mapping, shape),
-            (_, 2) => self.run_as::<u16>(warp_direct_into, mapping, shape),
-            (_, _) => self.run_as::<f32>(warp_direct_into, mapping, shape),
+        match Samples::of(self.image.dtype(), self.interpolation)? {
+            Samples::Blended(kind) => for_blended!(kind, self.blended(mapping, shape)),
+            Samples::Moved(bytes) | Samples::Ids { bytes, .. } => for_moved!(bytes, self.nearest(mapping, shape)),
         }
+    }
+
+    fn blended<T: Bilinear>(self, mapping: &Mapping<'_>, shape: (usize, usize)) -> PyResult<Bound<'py, PyAny>> {
+        self.run_as::<T>(warp_direct_into, mapping, shape)
+    }
+
+    fn nearest<T: Sample>(self, mapping: &Mapping<'_>, shape: (usize, usize)) -> PyResult<Bound<'py, PyAny>> {
+        self.run_as::<T>(warp_direct_nearest_into, mapping, shape)
     }
 
     fn run_as<T: Sample>(

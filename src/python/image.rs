@@ -15,7 +15,7 @@ use super::convert::tuple_text;
 use super::error::classes::{DtypeError, ImageError, OutOfMemoryError};
 use super::layout::Layout;
 use super::shared;
-use crate::{ImageView, ImageViewMut, Interpolation, Sample};
+use crate::{ImageView, ImageViewMut, Sample};
 
 /// How often an axis is stepped along, and by how many bytes; an axis that is not there is one of length 1.
 #[derive(Clone, Copy)]
@@ -159,30 +159,6 @@ impl<'py> ImageArray<'py> {
             }
         }
         Ok(out)
-    }
-
-    /// Bytes of a sample, if this interpolation takes the dtype: unsigned integers of 1 or 2 bytes and floats of 4 for
-    /// bilinear and area, bool, integers and floats of 1, 2, 4 or 8 for nearest, the same without floats for mode.
-    pub(super) fn sample_bytes(&self, interpolation: Interpolation) -> PyResult<usize> {
-        let dtype = &self.dtype;
-        match (interpolation, dtype.kind(), dtype.itemsize()) {
-            (Interpolation::Bilinear | Interpolation::Area, b'u', bytes @ (1 | 2))
-            | (Interpolation::Bilinear | Interpolation::Area, b'f', bytes @ 4) => Ok(bytes),
-            (Interpolation::Nearest, b'b' | b'i' | b'u' | b'f', bytes @ (1 | 2 | 4 | 8)) => Ok(bytes),
-            (Interpolation::Mode, b'b' | b'i' | b'u', bytes @ (1 | 2 | 4 | 8)) => Ok(bytes),
-            (Interpolation::Mode, ..) => Err(DtypeError::new_err(format!(
-                "image: expected integer or bool ids for interpolation=\"mode\", got {dtype}; use interpolation=\"area\" for pictures"
-            ))),
-            (Interpolation::Bilinear, ..) => Err(DtypeError::new_err(format!(
-                "image: expected uint8, uint16 or float32, got {dtype}; use interpolation=\"nearest\" for labels, or image.astype(numpy.float32)"
-            ))),
-            (Interpolation::Area, ..) => Err(DtypeError::new_err(format!(
-                "image: expected uint8, uint16 or float32, got {dtype}; use interpolation=\"mode\" for labels, or image.astype(numpy.float32)"
-            ))),
-            (Interpolation::Nearest, ..) => Err(DtypeError::new_err(format!(
-                "image: expected a bool, integer or float dtype of 1, 2, 4 or 8 bytes, got {dtype}"
-            ))),
-        }
     }
 
     /// The shape of the result, in the first so many entries.

@@ -1,12 +1,13 @@
 //! `Lut`.
 
 use nalgebra::Matrix3;
-use numpy::{PyArray1, PyArray2, PyArray3, PyArrayDescrMethods, PyArrayMethods};
+use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyTuple, PyType};
 
 use super::camera::PyCamera;
 use super::convert::{float, matrix3, size, tuple_text, type_name};
+use super::dtype::{Samples, for_blended, for_moved};
 use super::error::classes::{ArgumentTypeError, ImageError};
 use super::grid::PyBevGrid;
 use super::ground::road;
@@ -105,24 +106,14 @@ impl PyLut {
         let image = ImageArray::new("image", shared::array("image", image, false)?, layout)?;
         self.check_size(&image)?;
         let job = Job { lut: &self.lut, image: &image, interpolation, border_value, out, threads };
-        match (interpolation, image.sample_bytes(interpolation)?) {
-            (Interpolation::Mode, bytes) => match (image.dtype().kind(), bytes) {
-                (b'i', 1) => job.mode::<i8>(),
-                (b'i', 2) => job.mode::<i16>(),
-                (b'i', 4) => job.mode::<i32>(),
-                (b'i', _) => job.mode::<i64>(),
-                (_, 1) => job.mode::<u8>(),
-                (_, 2) => job.mode::<u16>(),
-                (_, 4) => job.mode::<u32>(),
-                _ => job.mode::<u64>(),
-            },
-            (Interpolation::Bilinear | Interpolation::Area, 1) => job.blended::<u8>(),
-            (Interpolation::Bilinear | Interpolation::Area, 2) => job.blended::<u16>(),
-            (Interpolation::Bilinear | Interpolation::Area, _) => job.blended::<f32>(),
-            (Interpolation::Nearest, 1) => job.nearest::<u8>(),
-            (Interpolation::Nearest, 2) => job.nearest::<u16>(),
-            (Interpolation::Nearest, 4) => job.nearest::<u32>(),
-            (Interpolation::Nearest, _) => job.nearest::<u64>(),
+        match Samples::of(image.dtype(), interpolation)? {
+            Samples::Blended(kind) => for_blended!(kind, job.blended()),
+            Samples::Moved(bytes) => for_moved!(bytes, job.nearest()),
+            Samples::Ids { bytes, signed: false } => for_moved!(bytes, job.mode()),
+            Samples::Ids { bytes: 1, .. } => job.mode::<i8>(),
+            Samples::Ids { bytes: 2, .. } => job.mode::<i16>(),
+            Samples::Ids { bytes: 4, .. } => job.mode::<i32>(),
+            Samples::Ids { .. } => job.mode::<i64>(),
         }
     }
 

@@ -30,6 +30,7 @@ mod camera_readers;
 mod cloud;
 mod convert;
 mod direct;
+mod dtype;
 mod error;
 mod geometry;
 mod grid;

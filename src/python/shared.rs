@@ -6,7 +6,7 @@ use pyo3::types::{PyBytes, PyMemoryView};
 
 use super::arrays;
 use super::convert::{tuple_text, type_name};
-use super::error::classes::ArgumentTypeError;
+use super::error::classes::{ArgumentTypeError, DtypeError};
 use super::error::{OrRefuse, about_argument, error_text};
 
 /// DLPack's device types whose memory the CPU reaches, as NumPy lists them: CPU, CUDA host, ROCm host, CUDA managed.
@@ -69,6 +69,9 @@ fn shared<'py>(name: &str, object: &Bound<'py, PyAny>, writable: bool) -> PyResu
                 "{name}: expected a NumPy array or memory that is shared as one (DLPack, buffer protocol), got {got}{mend}"
             )))
         }
+        (None, Some(_)) if is_bfloat16(object)? => Err(DtypeError::new_err(format!(
+            "{name}: expected a dtype that NumPy has, got bfloat16; use {name}.float() for float32"
+        ))),
         (None, Some(problem)) => {
             let why = error_text(py, &problem)?;
             let error = ArgumentTypeError::new_err(format!(
@@ -79,6 +82,12 @@ fn shared<'py>(name: &str, object: &Bound<'py, PyAny>, writable: bool) -> PyResu
             Err(error)
         }
     }
+}
+
+/// Whether it calls its dtype so, as tensors do: NumPy has no such numbers, and the errors of the export do not say it.
+fn is_bfloat16(object: &Bound<'_, PyAny>) -> PyResult<bool> {
+    let name = object.getattr("dtype").and_then(|dtype| dtype.str()).or_none(object.py())?;
+    Ok(name.is_some_and(|name| name.to_string_lossy().ends_with("bfloat16")))
 }
 
 /// Refuses memory of a device that the CPU does not reach.

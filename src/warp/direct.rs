@@ -4,14 +4,15 @@ use std::slice;
 
 use nalgebra::Matrix3;
 
-use super::{Bilinear, WarpOptions, kernels::RowKernels, kernels::Source, warp_segments};
+use super::kernels::{ExactBlend, ExactKernels, Float, RowKernels, Source};
+use super::{Bilinear, Interpolation, WarpOptions, warp_segments};
 use crate::camera::check_image_size;
 use crate::cpu::Isa;
 use crate::error::{Error, Result};
 use crate::grid::check_cells;
 use crate::image::{ImageView, ImageViewMut, Sample};
 use crate::lut::kernels::{Kinds, Row, Sampled, widen};
-use crate::lut::table::{RowRuns, Tap};
+use crate::lut::table::{RowRuns, RunKind, Tap};
 use crate::lut::{check_homography, homography_row};
 use crate::parallel;
 
@@ -96,7 +97,8 @@ impl Mapping<'_> {
     }
 }
 
-/// Warps an image without a table, bilinear or nearest.
+/// Warps an image without a table, bilinear or nearest. Of floats, bilinear takes coordinates as they are, not in the
+/// steps of a table.
 ///
 /// # Errors
 /// [`Error::Interpolation`] for what needs a table,
@@ -111,7 +113,11 @@ pub fn warp_direct_into<T: Bilinear>(
     options: &WarpOptions<T>,
 ) -> Result<()> {
     options.interpolation.without_table()?;
-    run(image, mapping, out, border_mode, options, options.kernels(slice::from_ref(image))?)
+    let warp = Direct { image, mapping, border_mode, options };
+    match options.interpolation {
+        Interpolation::Nearest => by_taps(&warp, out, &options.kernels(slice::from_ref(image))?),
+        _ => T::warp_direct(&warp, out),
+    }
 }
 
 /// The same with nearest, for samples of any kind; `options.interpolation` is not looked at.
@@ -125,7 +131,62 @@ pub fn warp_direct_nearest_into<T: Sample>(
     border_mode: BorderMode,
     options: &WarpOptions<T>,
 ) -> Result<()> {
-    run(image, mapping, out, border_mode, options, options.nearest_kernels(slice::from_ref(image))?)
+    let warp = Direct { image, mapping, border_mode, options };
+    by_taps(&warp, out, &options.nearest_kernels(slice::from_ref(image))?)
+}
+
+/// A warp without a table, but for its output.
+pub(crate) struct Direct<'a, T> {
+    image: &'a ImageView<'a, T>,
+    mapping: &'a Mapping<'a>,
+    border_mode: BorderMode,
+    options: &'a WarpOptions<T>,
+}
+
+/// Bilinear with fractions as a table has them.
+pub(super) fn quantised<T: Bilinear>(warp: &Direct<'_, T>, out: &mut ImageViewMut<'_, T>) -> Result<()> {
+    by_taps(warp, out, &warp.options.kernels(slice::from_ref(warp.image))?)
+}
+
+/// Bilinear of floats, with fractions as exact as `F` holds them.
+pub(super) fn exact<T: ExactBlend<F>, F: Float>(warp: &Direct<'_, T>, out: &mut ImageViewMut<'_, T>) -> Result<()> {
+    let (isa, image) = (warp.options.isa()?, warp.image);
+    let kernels = ExactKernels::<T, F>::new(isa, image.channels(), image.is_contiguous());
+    run(
+        warp,
+        out,
+        |_| Kinds::default(),
+        |kinds, row, source, cells| {
+            let channels = source.channels();
+            for (kind, own) in kinds.sort(isa, row) {
+                let cells = &mut cells[own.start * channels..own.end * channels];
+                let coordinates = [&row.us[own.clone()], &row.vs[own]];
+                match kind {
+                    RunKind::Outside => source.fill_border(cells),
+                    RunKind::Inside => kernels.inside(source, coordinates, cells),
+                    RunKind::Rim | RunKind::Halo => kernels.edge(source, coordinates, cells),
+                }
+            }
+        },
+    )
+}
+
+/// What packing and warping a row takes, used for all rows of a thread.
+struct Packed {
+    taps: Vec<Tap>,
+    runs: RowRuns,
+    kinds: Kinds,
+}
+
+/// Each row is packed as those of a table are, and warped at once.
+fn by_taps<T: Sample>(warp: &Direct<'_, T>, out: &mut ImageViewMut<'_, T>, kernels: &RowKernels<T>) -> Result<()> {
+    let isa = warp.options.isa()?;
+    let packed =
+        |columns| Packed { taps: vec![Tap::default(); columns], runs: RowRuns::default(), kinds: Kinds::default() };
+    run(warp, out, packed, |Packed { taps, runs, kinds }, row, source, cells| {
+        runs.repack(isa, row, taps, kinds);
+        warp_segments(runs.segments(0, taps), source, cells, kernels, false);
+    })
 }
 
 /// The inverse of a homography.
@@ -139,23 +200,15 @@ pub fn inverse_homography(m: &Matrix3<f64>) -> Result<Matrix3<f64>> {
     Ok(inverse)
 }
 
-/// What one thread needs for a row, used for all of its rows.
-struct Scratch {
-    us: Row,
-    vs: Row,
-    taps: Vec<Tap>,
-    runs: RowRuns,
-    kinds: Kinds,
-}
-
-fn run<T: Sample>(
-    image: &ImageView<'_, T>,
-    mapping: &Mapping<'_>,
+/// Checks everything, then fills each row with `fill`, which gets a thread's `scratch` for so many columns, where the cells
+/// sample, the source, and the cells.
+fn run<T: Sample, S>(
+    warp: &Direct<'_, T>,
     out: &mut ImageViewMut<'_, T>,
-    border_mode: BorderMode,
-    options: &WarpOptions<T>,
-    kernels: RowKernels<T>,
+    scratch: impl Fn(usize) -> S + Sync,
+    fill: impl Fn(&mut S, Sampled<'_>, &Source<'_, T>, &mut [T]) + Sync,
 ) -> Result<()> {
+    let Direct { image, mapping, border_mode, options } = warp;
     let (rows, columns, channels) = out.shape();
     let source_size = check_image_size("image", image.width() as u64, image.height() as u64)?;
     check_cells("out", rows as f64, columns as f64)?;
@@ -169,20 +222,13 @@ fn run<T: Sample>(
     let whole: Row = (0..columns).map(|column| column as f64).collect();
     let bands = out.bands(parallel::rows_per_band(rows, columns, threads));
     parallel::for_each(threads, bands, |(first, band)| {
-        let mut scratch = Scratch {
-            us: Row::filled(columns, 0.0),
-            vs: Row::filled(columns, 0.0),
-            taps: vec![Tap::default(); columns],
-            runs: RowRuns::default(),
-            kinds: Kinds::default(),
-        };
-        let Scratch { us, vs, taps, runs, kinds } = &mut scratch;
+        let (mut us, mut vs) = (Row::filled(columns, 0.0), Row::filled(columns, 0.0));
+        let mut scratch = scratch(columns);
         for (row, cells) in (first..).zip(band) {
-            mapping.fill(isa, row, &whole, us, vs);
-            border_mode.fold(us, image.width());
-            border_mode.fold(vs, image.height());
-            runs.repack(isa, Sampled { us, vs, source: source_size }, taps, kinds);
-            warp_segments(runs.segments(0, taps), &source, cells, &kernels, false);
+            mapping.fill(isa, row, &whole, &mut us, &mut vs);
+            border_mode.fold(&mut us, image.width());
+            border_mode.fold(&mut vs, image.height());
+            fill(&mut scratch, Sampled { us: &us, vs: &vs, source: source_size }, &source, cells);
         }
     });
     Ok(())

@@ -85,7 +85,7 @@ impl Lut {
     ) -> Result<()> {
         if options.interpolation == Interpolation::Area {
             let border = check(self, images, outs, options)?;
-            return area::warp(self, images, outs, &border, options);
+            return T::area(self, images, outs, &border, options);
         }
         if options.interpolation == Interpolation::Mode {
             return Err(Error::Interpolation {

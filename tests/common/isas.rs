@@ -6,7 +6,9 @@
 use std::fmt::{Debug, Display};
 use std::io::Write;
 
-use ipm_rs::{ImageView, ImageViewMut, Interpolation, Isa, Lut, Sample, WarpOptions};
+use ipm_rs::{
+    BorderMode, F16, ImageView, ImageViewMut, Interpolation, Isa, Lut, Mapping, Sample, WarpOptions, warp_direct_into,
+};
 
 /// Every instruction set that the library knows, whether or not this build and this CPU have it.
 const KNOWN: [Isa; 4] = [Isa::Scalar, Isa::Avx2, Isa::Avx512, Isa::Neon];
@@ -73,22 +75,50 @@ macro_rules! whole_numbers {
         }
     )*};
 }
-whole_numbers!(u8, u16, u32, u64);
+whole_numbers!(u8, u16, u32, u64, i8, i16);
 
-impl Number for f32 {
-    /// Mostly numbers of an image; one in a hundred is something that arithmetic rarely meets.
+macro_rules! floats {
+    ($($float:ty),*) => {$(
+        impl Number for $float {
+            /// Mostly numbers of an image; one in a hundred is something that arithmetic rarely meets.
+            fn noise(random: &mut Random) -> Self {
+                const WILD: [$float; 9] = [
+                    <$float>::NAN,
+                    <$float>::INFINITY,
+                    <$float>::NEG_INFINITY,
+                    <$float>::MAX,
+                    <$float>::MIN,
+                    <$float>::MIN_POSITIVE,
+                    1e-45,
+                    -0.0,
+                    -3e38,
+                ];
+                match random.bits() >> 32 {
+                    bits if bits % 100 == 0 => WILD[(bits / 100) as usize % WILD.len()],
+                    bits if bits % 100 < 10 => (bits / 100 % 256) as $float,
+                    _ => ((random.unit() - 0.3) * 1e4) as $float,
+                }
+            }
+
+            fn same(self, other: Self) -> bool {
+                self.to_bits() == other.to_bits() || (self.is_nan() && other.is_nan())
+            }
+        }
+    )*};
+}
+floats!(f32, f64);
+
+impl Number for F16 {
+    /// Numbers of an image, and one in ten any half at all: subnormal, infinite, NaN.
     fn noise(random: &mut Random) -> Self {
-        const WILD: [f32; 9] =
-            [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, f32::MAX, f32::MIN, f32::MIN_POSITIVE, 1e-45, -0.0, -3e38];
         match random.bits() >> 32 {
-            bits if bits % 100 == 0 => WILD[(bits / 100) as usize % WILD.len()],
-            bits if bits % 100 < 10 => (bits / 100 % 256) as f32,
-            _ => ((random.unit() - 0.3) * 1e4) as f32,
+            bits if bits % 10 == 0 => Self::from_bits((bits / 10) as u16),
+            _ => Self::from_f32(f32::noise(random)),
         }
     }
 
     fn same(self, other: Self) -> bool {
-        self.to_bits() == other.to_bits() || (self.is_nan() && other.is_nan())
+        self.to_bits() == other.to_bits() || (self.to_f32().is_nan() && other.to_f32().is_nan())
     }
 }
 
@@ -232,6 +262,15 @@ impl<T: ipm_rs::Bilinear> Job<T> {
 
     pub(crate) fn area() -> Self {
         Self { warp: Lut::warp_into, interpolation: Interpolation::Area }
+    }
+
+    /// Bilinear without a table, by the maps of one.
+    pub(crate) fn direct() -> Self {
+        let warp: Warp<T> = |lut, view, out, options| {
+            let (map_x, map_y) = lut.maps(f32::NAN);
+            warp_direct_into(view, &Mapping::MapsF32(&map_x, &map_y), out, BorderMode::Constant, options)
+        };
+        Self { warp, interpolation: Interpolation::Bilinear }
     }
 }
 

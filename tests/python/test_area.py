@@ -169,7 +169,9 @@ def test_mode_invents_no_id_and_is_nearest_where_magnified(lut):
 
 def test_wrong_dtypes_and_too_many_ids_are_told(lut):
     out = np.zeros(lut.shape, np.int32)
-    with refuses(errors.DtypeError, "image", "uint8, uint16 or float32", "int32", "mode", out=out):
+    with refuses(
+        errors.DtypeError, "image", "uint8, int8, uint16, int16, float16, float32 or float64", "int32", "mode", out=out
+    ):
         lut.warp(np.zeros((320, 640), np.int32), interpolation="area", out=out)
     with refuses(errors.DtypeError, "image", "integer or bool", "float32", "area"):
         lut.warp(np.zeros((320, 640), np.float32), interpolation="mode")

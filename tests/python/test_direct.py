@@ -181,7 +181,7 @@ def perspective(matrix, dsize=(90, 120), **options):
         (remap(interpolation="area"), errors.ArgumentError, ["bilinear", "area"]),
         (remap(threads=0), errors.ArgumentError, ["threads", "0"]),
         (remap(border_value=(1, 2)), errors.ArgumentError, ["3 channels", "2"]),
-        (remap(image=IMAGE.astype(np.int16)), errors.DtypeError, ["uint8", "int16"]),
+        (remap(image=IMAGE.astype(np.int32)), errors.DtypeError, ["uint8", "int32", "float64"]),
         (perspective(np.ones((3, 3))), errors.LutError, ["determinant"]),
         (perspective(np.eye(3) * np.nan), errors.LutError, ["NaN"]),
         (perspective(np.eye(2)), errors.ArgumentError, ["M", "(2, 2)"]),

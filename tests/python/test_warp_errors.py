@@ -56,9 +56,9 @@ def test_empty_image(lut, out, shape):
         lut.warp(np.zeros(shape, np.uint8), out=out)
 
 
-@pytest.mark.parametrize("dtype", ["bool", "int8", "int16", "int32", "uint32", "int64", "uint64", "float16", "float64"])
+@pytest.mark.parametrize("dtype", ["bool", "int32", "uint32", "int64", "uint64", "longdouble"])
 def test_dtypes_that_bilinear_cannot_blend(lut, out, dtype):
-    with refuses(errors.DtypeError, "image", "uint8", "uint16", "float32", f"got {dtype}", out=out):
+    with refuses(errors.DtypeError, "image", "uint8", "uint16", "float32", f"got {np.dtype(dtype)}", out=out):
         lut.warp(IMAGE.astype(dtype), interpolation="bilinear", out=out)
 
 

@@ -11,6 +11,7 @@ mod bent;
 mod heights;
 mod projective;
 mod quantise;
+mod split;
 mod unpack;
 mod widen;
 
@@ -19,6 +20,7 @@ pub(crate) use bent::{BentRow, Offsets};
 pub(crate) use heights::HeightsRow;
 pub(crate) use projective::ProjectiveRow;
 pub(crate) use quantise::{Kinds, Sampled, quantise_one};
+pub(crate) use split::{Fraction, split};
 pub(crate) use unpack::unpack;
 pub(crate) use widen::widen;
 

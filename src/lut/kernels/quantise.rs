@@ -54,35 +54,63 @@ impl Kinds {
         row: Sampled<'a>,
         taps: &mut [MaybeUninit<Tap>],
     ) -> impl Iterator<Item = (RunKind, Range<usize>)> + use<'a> {
-        let cells = row.us.len();
-        self.kinds.resize(cells, 0);
+        self.kinds.resize(row.us.len(), 0);
         let kinds = &mut self.kinds[..];
         // SAFETY: a tap is 8 bytes with the alignment of a number, any bits are one, and only numbers are written.
         let taps = unsafe { std::slice::from_raw_parts_mut(taps.as_mut_ptr().cast::<MaybeUninit<u64>>(), taps.len()) };
         let mut all_inside = true;
         quantise_inside(isa, row, taps, kinds, &mut all_inside);
-        // most cells are inside; of the others it is found out what they are when their turn comes
-        let (mut next, mut known) = (0, 0);
-        std::iter::from_fn(move || {
-            let first = next;
-            if first == known {
-                let inside =
-                    if all_inside { cells - first } else { equal_prefix(&kinds[first..], RunKind::Inside as u8) };
-                let end = first + inside;
-                if end > first {
-                    (next, known) = (end, end);
-                    return Some((RunKind::Inside, first..end));
-                }
-                known += equal_prefix(&kinds[first..], RunKind::Outside as u8);
-                let others = first..known;
-                let others_of_row = Sampled { us: &row.us[others.clone()], vs: &row.vs[others.clone()], ..row };
-                classify(isa, others_of_row, &mut kinds[others]);
-            }
-            let &kind = kinds[..known].get(first)?;
-            next += equal_prefix(&kinds[first..known], kind);
-            Some((RunKind::from_byte(kind), first..next))
-        })
+        runs(isa, row, kinds, all_inside)
     }
+
+    /// The same without taps, for coordinates that are not rounded: inside is all that lies before the last pixel.
+    pub(crate) fn sort<'a>(
+        &'a mut self,
+        isa: Isa,
+        row: Sampled<'a>,
+    ) -> impl Iterator<Item = (RunKind, Range<usize>)> + use<'a> {
+        self.kinds.resize(row.us.len(), 0);
+        let kinds = &mut self.kinds[..];
+        let mut all_inside = true;
+        sort_inside(isa, row, kinds, &mut all_inside);
+        runs(isa, row, kinds, all_inside)
+    }
+}
+
+/// The kind and the cells of each run, of which it is known so far whether cells are inside.
+fn runs<'a>(
+    isa: Isa,
+    row: Sampled<'a>,
+    kinds: &'a mut [u8],
+    all_inside: bool,
+) -> impl Iterator<Item = (RunKind, Range<usize>)> + use<'a> {
+    let cells = kinds.len();
+    // most cells are inside; of the others it is found out what they are when their turn comes
+    let (mut next, mut known) = (0, 0);
+    std::iter::from_fn(move || {
+        let first = next;
+        if first == known {
+            let inside = if all_inside { cells - first } else { equal_prefix(&kinds[first..], RunKind::Inside as u8) };
+            let end = first + inside;
+            if end > first {
+                (next, known) = (end, end);
+                return Some((RunKind::Inside, first..end));
+            }
+            known += equal_prefix(&kinds[first..], RunKind::Outside as u8);
+            let others = first..known;
+            let others_of_row = Sampled { us: &row.us[others.clone()], vs: &row.vs[others.clone()], ..row };
+            classify(isa, others_of_row, &mut kinds[others]);
+        }
+        let &kind = kinds[..known].get(first)?;
+        next += equal_prefix(&kinds[first..known], kind);
+        Some((RunKind::from_byte(kind), first..next))
+    })
+}
+
+fn sort_inside(isa: Isa, row: Sampled<'_>, kinds: &mut [u8], all: &mut bool) {
+    for_each_isa!(isa, (inside_of_row, inside_of_row, inside_of_row)(
+        row: Sampled<'_>, kinds: &mut [u8], all: &mut bool
+    ));
 }
 
 fn quantise_inside(isa: Isa, row: Sampled<'_>, taps: &mut [MaybeUninit<u64>], kinds: &mut [u8], all: &mut bool) {
@@ -134,7 +162,25 @@ pub(super) fn taps_of_row(row: Sampled<'_>, taps: &mut [MaybeUninit<u64>], kinds
     *all &= all_inside;
 }
 
-/// What cells are that [`taps_of_row`] did not find inside.
+/// [`RunKind::Inside`] or else [`RunKind::Outside`] for each cell, as [`taps_of_row`] tells it of coordinates that are
+/// not rounded.
+#[inline(always)]
+fn inside_of_row(row: Sampled<'_>, kinds: &mut [u8], all: &mut bool) {
+    let Sampled { us, vs, source: (width, height) } = row;
+    let cells = us.len();
+    let (vs, kinds) = (&vs[..cells], &mut kinds[..cells]);
+    let last = |side: u32| (f64::from(side) - 1.0).to_bits();
+    let (last_u, last_v) = (last(width), last(height));
+    let mut all_inside = true;
+    for i in 0..cells {
+        let inside = (us[i].to_bits() < last_u) & (vs[i].to_bits() < last_v);
+        kinds[i] = u8::from(inside);
+        all_inside &= inside;
+    }
+    *all &= all_inside;
+}
+
+/// What cells are that [`taps_of_row`] or [`inside_of_row`] did not find inside.
 #[inline(always)]
 fn kinds_of_cells(row: Sampled<'_>, kinds: &mut [u8]) {
     let Sampled { us, vs, .. } = row;
@@ -160,7 +206,7 @@ pub(super) fn last(side: u32) -> u64 {
 const STEPS: f64 = ONE as f64;
 
 /// The low half of a number.
-const LOW: u64 = 0xffff_ffff;
+pub(super) const LOW: u64 = 0xffff_ffff;
 
 /// Bits of a coordinate below a Q15 step that are looked at for rounding.
 pub(super) const BELOW: u32 = 5;

@@ -6,7 +6,7 @@ use crate::lut::kernels::for_each_isa;
 
 /// A sample of which averages can be taken. All instruction sets run the same plain loops, so they agree to the last
 /// bit.
-pub trait Average: Sized {
+pub(crate) trait Average: Sized {
     /// See [`Pairs::boxes`].
     fn boxes(isa: Isa, channels: usize, k: [u32; 2], rows: &[&[Self]], out: &mut [Self]) -> bool;
 
@@ -179,14 +179,20 @@ average!(
 );
 
 // differences from the first probe: those of a constant image are 0, whatever their number
-average!(
-    f32,
-    f32,
-    |a: f32, b: f32| a * 0.5 + b * 0.5,
-    |a: f32, b: f32| a * 0.5 + b * 0.5,
-    |sum: f32, first: f32, probe: f32| sum + (probe - first),
-    |count: u32, _| {
-        let inverse = 1.0 / count as f32;
-        move |sum: f32, first: f32| first + sum * inverse
-    }
-);
+macro_rules! average_floats {
+    ($float:ty) => {
+        average!(
+            $float,
+            $float,
+            |a: $float, b: $float| a * 0.5 + b * 0.5,
+            |a: $float, b: $float| a * 0.5 + b * 0.5,
+            |sum: $float, first: $float, probe: $float| sum + (probe - first),
+            |count: u32, _| {
+                let inverse = 1.0 / <$float>::from(count as u16); // at most 256
+                move |sum: $float, first: $float| first + sum * inverse
+            }
+        );
+    };
+}
+average_floats!(f32);
+average_floats!(f64);

@@ -11,6 +11,7 @@ mod levels;
 mod pairs;
 mod probes;
 mod room;
+mod stand_in;
 
 use std::slice;
 
@@ -20,6 +21,7 @@ use super::WarpOptions;
 use super::kernels::{Bilinear, ProbesKernel, RowKernels, Source, sealed::Blend};
 use crate::cpu::Isa;
 use crate::error::Result;
+use crate::half::F16;
 use crate::image::{ImageView, ImageViewMut, RowsMut};
 use crate::lut::Lut;
 use crate::lut::area::block::LANES;
@@ -30,6 +32,7 @@ use footprints::Footprints;
 use levels::Levels;
 use probes::{Lattice, is_lean};
 use room::Room;
+use stand_in::warp_by_stand_in;
 
 /// So many cells are probed at once, and at the end of a piece up to a vector more: taps, one probe and the sums of three
 /// channels are 1.5 KB.
@@ -42,8 +45,40 @@ const WORK: usize = 8;
 /// Room for a batch, rounded up to whole vectors.
 const ROOM: usize = BATCH + LANES;
 
-/// Warps images that fit the table, the options and the outputs.
-pub(super) fn warp<T: Bilinear>(
+/// A sample that has an average: its own, or that of another that stands in for it.
+pub trait Area: Sized {
+    /// Warps images that fit the table, the options and the outputs; `border` has a value for each channel or plane.
+    ///
+    /// # Errors
+    /// [`Error::AreaSize`](crate::Error::AreaSize) and [`Error::OutOfMemory`](crate::Error::OutOfMemory).
+    fn area(
+        lut: &Lut,
+        images: &[ImageView<'_, Self>],
+        outs: &mut [ImageViewMut<'_, Self>],
+        border: &[Self],
+        options: &WarpOptions<Self>,
+    ) -> Result<()>;
+}
+
+macro_rules! area {
+    ($warp:ident: $($type:ty),*) => {$(
+        impl Area for $type {
+            fn area(
+                lut: &Lut,
+                images: &[ImageView<'_, Self>],
+                outs: &mut [ImageViewMut<'_, Self>],
+                border: &[Self],
+                options: &WarpOptions<Self>,
+            ) -> Result<()> {
+                $warp(lut, images, outs, border, options)
+            }
+        }
+    )*};
+}
+area!(warp: u8, u16, f32, f64);
+area!(warp_by_stand_in: i8, i16, F16);
+
+fn warp<T: Bilinear + Average>(
     lut: &Lut,
     images: &[ImageView<'_, T>],
     outs: &mut [ImageViewMut<'_, T>],
@@ -96,7 +131,7 @@ struct Scratch<T: Average> {
     sums: Vec<T::Sum>,
 }
 
-impl<T: Bilinear> Job<'_, T> {
+impl<T: Bilinear + Average> Job<'_, T> {
     /// Fills rows of the output from row `first` on.
     fn run(&self, first: usize, rows: RowsMut<'_, T>) {
         let channels = self.source.channels();

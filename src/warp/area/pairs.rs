@@ -27,6 +27,8 @@ impl Pairs for u16 {}
 
 impl Pairs for f32 {}
 
+impl Pairs for f64 {}
+
 impl Pairs for u8 {
     #[cfg(target_arch = "x86_64")]
     fn whole_vectors(isa: Isa, up: bool, channels: usize, pixels: &[u8], out: &mut [u8]) -> usize {

@@ -9,26 +9,37 @@
 //!   pixels, and a constant image stays constant. NaN or infinity in any of the four pixels gives NaN or infinity.
 //! * `u16`: the same in float32, then `+ 0.5` and truncated; within 3 of 65535 of the exact value, 2 of which are the
 //!   table's fractions.
+//! * `i8`, `i16`: those of `u8` and `u16` for values that are larger by half the range, so ties round up here too.
+//! * `f16`: that of `f32`, rounded once to the nearest half, ties to even.
+//! * `f64`: that of `f32` in float64.
 //! * nearest copies pixels.
+//!
+//! Warps without a table know coordinates exactly. Kernels of floats take the fractions as they are ([`Exact`]), and what
+//! is left is the rounding of the arithmetic itself; those of integers take them in Q15, as a table has them.
 
 #[cfg(target_arch = "x86_64")]
 mod avx2;
 #[cfg(target_arch = "x86_64")]
 mod avx512;
+mod blend;
 #[cfg(target_arch = "aarch64")]
 mod neon;
+mod places;
 mod plane;
 mod scalar;
 mod special;
 
 #[cfg(target_arch = "x86_64")]
 pub(crate) use avx512::boxes_u8;
+pub use blend::Bilinear;
+pub(crate) use blend::sealed;
+pub(crate) use places::{Exact, ExactBlend, ExactKernels, Float};
 
 use crate::cpu::Isa;
 use crate::image::{ImageView, Sample, as_bytes, as_bytes_mut};
 use crate::lut::area::Block;
 use crate::lut::area::block::Size;
-use crate::lut::table::{ONE, Tap};
+use crate::lut::table::Tap;
 
 /// What a kernel reads: the image and the border value of each channel.
 pub(crate) struct Source<'a, T> {
@@ -47,6 +58,7 @@ impl<'a, T: Sample> Source<'a, T> {
         Self { image, border, border_byte }
     }
 
+    #[inline(always)]
     pub(crate) fn channels(&self) -> usize {
         self.border.len()
     }
@@ -92,6 +104,9 @@ impl<'a, T: Sample> Source<'a, T> {
 /// Fills neighbouring cells from their taps; `cells` holds `taps.len() * channels` samples.
 pub(crate) type RowKernel<T> = fn(&Source<'_, T>, &[Tap], &mut [T]);
 
+/// The same with exact fractions, of kind `F`.
+pub(crate) type ExactKernel<T, F> = fn(&Source<'_, T>, Exact<'_, F>, &mut [T]);
+
 /// Neighbouring footprints that are averaged alike, and where their probes lie: at centre + along a + down d, for each
 /// of the offsets a along one side of the footprint and d along the other.
 pub(crate) struct Probes<'a> {
@@ -126,6 +141,20 @@ impl Probes<'_> {
 
 /// Fills neighbouring cells with the averages of their probes, all of whose pixels exist.
 pub(crate) type ProbesKernel<T> = fn(&Source<'_, T>, &Probes<'_>, &mut [T]);
+
+/// The scalar kernel of bilinear for images of so many channels, for taps of either kind.
+macro_rules! scalar_kernels {
+    ($type:ty, $channels:expr, $contiguous:expr) => {
+        match ($channels, $contiguous) {
+            (1, true) => |source, places, cells| scalar::bilinear::<$type, _, 1, true>(source, places, cells),
+            (3, true) => |source, places, cells| scalar::bilinear::<$type, _, 3, true>(source, places, cells),
+            (4, true) => |source, places, cells| scalar::bilinear::<$type, _, 4, true>(source, places, cells),
+            (_, true) => |source, places, cells| scalar::bilinear::<$type, _, 0, true>(source, places, cells),
+            (_, false) => |source, places, cells| scalar::bilinear::<$type, _, 0, false>(source, places, cells),
+        }
+    };
+}
+use scalar_kernels;
 
 /// The kernels of one warp.
 pub(crate) struct RowKernels<T> {
@@ -163,187 +192,15 @@ impl<T: Sample> RowKernels<T> {
 impl<T: Bilinear> RowKernels<T> {
     /// Bilinear.
     pub(crate) fn bilinear(isa: Isa, channels: usize, contiguous: bool) -> Self {
-        let inside = T::special(isa, channels).unwrap_or_else(|| Self::bilinear_scalar(channels, contiguous));
+        let inside: RowKernel<T> = match T::special(isa, channels) {
+            Some(kernel) => kernel,
+            None => scalar_kernels!(T, channels, contiguous),
+        };
         let edge = match channels {
             1 => scalar::bilinear_edge::<T, 1>,
             3 => scalar::bilinear_edge::<T, 3>,
             _ => scalar::bilinear_edge::<T, 0>,
         };
         Self { inside, edge }
-    }
-
-    fn bilinear_scalar(channels: usize, contiguous: bool) -> RowKernel<T> {
-        match (channels, contiguous) {
-            (1, true) => scalar::bilinear::<T, 1, true>,
-            (3, true) => scalar::bilinear::<T, 3, true>,
-            (4, true) => scalar::bilinear::<T, 4, true>,
-            (_, true) => scalar::bilinear::<T, 0, true>,
-            (_, false) => scalar::bilinear::<T, 0, false>,
-        }
-    }
-}
-
-/// A sample that can be blended: `u8`, `u16` and `f32`.
-pub trait Bilinear: Sample + sealed::Blend + super::area::Average {}
-
-impl Bilinear for u8 {}
-impl Bilinear for u16 {}
-impl Bilinear for f32 {}
-
-pub(crate) mod sealed {
-    use super::{Isa, ProbesKernel, RowKernel};
-
-    /// The arithmetic of one dtype; see the module's contract.
-    pub trait Blend: Sized {
-        /// What is worked out once for all channels of a cell.
-        type Weights: Copy;
-
-        /// From the Q15 fractions along x and y, both below 2^15.
-        fn weights(fx: u32, fy: u32) -> Self::Weights;
-
-        /// The kernel of an instruction set for images of so many channels, if it has one.
-        #[expect(private_interfaces, reason = "sealed: nobody outside can call it")]
-        fn special(isa: Isa, channels: usize) -> Option<RowKernel<Self>>;
-
-        /// The kernel that averages probes, likewise: faster than a kernel for each and a sum.
-        #[expect(private_interfaces, reason = "sealed: nobody outside can call it")]
-        fn probes(_isa: Isa, _channels: usize) -> Option<ProbesKernel<Self>> {
-            None
-        }
-
-        /// Four samples (top left, top right, bottom left, bottom right) to one.
-        fn blend(weights: Self::Weights, taps: [Self; 4]) -> Self;
-    }
-}
-
-impl sealed::Blend for u8 {
-    #[expect(private_interfaces, reason = "sealed: nobody outside can call it")]
-    fn special(isa: Isa, channels: usize) -> Option<RowKernel<u8>> {
-        special::bilinear_u8(isa, channels)
-    }
-
-    #[expect(private_interfaces, reason = "sealed: nobody outside can call it")]
-    fn probes(isa: Isa, channels: usize) -> Option<ProbesKernel<u8>> {
-        special::probes_u8(isa, channels)
-    }
-
-    /// Q15, they sum to 32768.
-    type Weights = [u32; 4];
-
-    #[inline(always)]
-    fn weights(fx: u32, fy: u32) -> [u32; 4] {
-        let both = (fx * fy + (ONE >> 1)) >> 15;
-        [ONE + both - fx - fy, fx - both, fy - both, both]
-    }
-
-    #[inline(always)]
-    fn blend(weights: [u32; 4], taps: [u8; 4]) -> u8 {
-        let sum: u32 = weights.iter().zip(taps).map(|(&weight, tap)| weight * u32::from(tap)).sum();
-        ((sum + (ONE >> 1)) >> 15) as u8
-    }
-}
-
-impl sealed::Blend for u16 {
-    #[expect(private_interfaces, reason = "sealed: nobody outside can call it")]
-    fn special(isa: Isa, channels: usize) -> Option<RowKernel<u16>> {
-        special::bilinear_u16(isa, channels)
-    }
-
-    type Weights = (f32, f32);
-
-    #[inline(always)]
-    fn weights(fx: u32, fy: u32) -> (f32, f32) {
-        f32::weights(fx, fy)
-    }
-
-    #[inline(always)]
-    fn blend(weights: (f32, f32), taps: [u16; 4]) -> u16 {
-        (f32::blend(weights, taps.map(f32::from)) + 0.5) as u16
-    }
-}
-
-impl sealed::Blend for f32 {
-    #[expect(private_interfaces, reason = "sealed: nobody outside can call it")]
-    fn special(isa: Isa, channels: usize) -> Option<RowKernel<f32>> {
-        special::bilinear_f32(isa, channels)
-    }
-
-    type Weights = (f32, f32);
-
-    #[inline(always)]
-    fn weights(fx: u32, fy: u32) -> (f32, f32) {
-        // exact: 15 bits and a power of two
-        (fx as f32 * (1.0 / ONE as f32), fy as f32 * (1.0 / ONE as f32))
-    }
-
-    #[inline(always)]
-    fn blend((fx, fy): (f32, f32), taps: [f32; 4]) -> f32 {
-        let top = taps[0] + (taps[1] - taps[0]) * fx;
-        let bottom = taps[2] + (taps[3] - taps[2]) * fx;
-        top + (bottom - top) * fy
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::sealed::Blend;
-    use super::*;
-
-    #[test]
-    fn u8_weights_sum_to_one_and_ties_round_up() {
-        for fx in (0..ONE).step_by(97) {
-            for fy in (0..ONE).step_by(89) {
-                assert_eq!(u8::weights(fx, fy).iter().sum::<u32>(), ONE);
-            }
-        }
-        assert_eq!(u8::blend(u8::weights(ONE / 2, 0), [100, 101, 0, 0]), 101);
-    }
-
-    #[test]
-    fn errors_stay_within_the_contract() {
-        let exact = |taps: [f64; 4], x: f64, y: f64| {
-            let top = taps[0] + (taps[1] - taps[0]) * x;
-            top + (taps[2] + (taps[3] - taps[2]) * x - top) * y
-        };
-        // the worst a table does to a coordinate is half a Q15 step either way
-        let corners8 = [[0u8, 255, 255, 0], [255, 0, 0, 255], [0, 255, 0, 255], [255, 255, 0, 0], [17, 203, 99, 4]];
-        let corners16 = corners8.map(|taps| taps.map(|tap| u16::from(tap) * 257));
-        let (mut worst8, mut worst16): (f64, f64) = (0.0, 0.0);
-        for fx in (0..ONE).step_by(331) {
-            for fy in (0..ONE).step_by(337) {
-                for (dx, dy) in [(0.0, 0.0), (0.5, 0.5), (-0.5, 0.5), (0.5, -0.5), (-0.5, -0.5)] {
-                    let (x, y) = ((f64::from(fx) + dx) / 32768.0, (f64::from(fy) + dy) / 32768.0);
-                    for taps in corners8 {
-                        let got = f64::from(u8::blend(u8::weights(fx, fy), taps));
-                        worst8 = worst8.max((got - exact(taps.map(f64::from), x, y)).abs());
-                    }
-                    for taps in corners16 {
-                        let got = f64::from(u16::blend(u16::weights(fx, fy), taps));
-                        worst16 = worst16.max((got - exact(taps.map(f64::from), x, y)).abs());
-                    }
-                    for taps in corners16.map(|taps| taps.map(f32::from)) {
-                        let got = f64::from(f32::blend(f32::weights(fx, fy), taps));
-                        assert!((got - exact(taps.map(f64::from), x, y)).abs() <= 65535.0 / 16384.0);
-                    }
-                }
-            }
-        }
-        assert!(worst8 < 0.52, "{worst8}");
-        assert!(worst16 < 3.0, "{worst16}");
-    }
-
-    #[test]
-    fn constants_stay_constant() {
-        for fx in (0..ONE).step_by(251) {
-            for fy in (0..ONE).step_by(257) {
-                for value in [0u8, 1, 128, 255] {
-                    assert_eq!(u8::blend(u8::weights(fx, fy), [value; 4]), value);
-                    let wide = u16::from(value) * 257;
-                    assert_eq!(u16::blend(u16::weights(fx, fy), [wide; 4]), wide);
-                    let real = f32::from(value) * 1.1;
-                    assert_eq!(f32::blend(f32::weights(fx, fy), [real; 4]), real);
-                }
-            }
-        }
     }
 }

@@ -3,10 +3,11 @@
 
 #[cfg(target_arch = "aarch64")]
 use super::neon;
-use super::{ProbesKernel, RowKernel};
+use super::places::{ExactBlend, Float, Places};
+use super::{Bilinear, ExactKernel, ProbesKernel, RowKernel, Source, scalar};
 #[cfg(target_arch = "x86_64")]
 use super::{avx2, avx512};
-use crate::cpu::Isa;
+use crate::cpu::{self, Body, Isa};
 use crate::image::Sample;
 
 /// A kernel of an instruction set as an ordinary function.
@@ -113,49 +114,119 @@ pub(super) fn bilinear_u16(isa: Isa, channels: usize) -> Option<RowKernel<u16>> 
         },
         #[cfg(target_arch = "x86_64")]
         Isa::Avx512 => match channels {
-            1 => kernel!(avx512::bilinear_float::<u16, 1>),
-            2 => kernel!(avx512::bilinear_float_pairs::<u16>),
-            3 => kernel!(avx512::bilinear_float::<u16, 3>),
-            4 => kernel!(avx512::bilinear_float::<u16, 4>),
-            _ => kernel!(avx512::bilinear_float_any::<u16>),
+            1 => kernel!(avx512::bilinear_float::<u16, _, 1>),
+            2 => kernel!(avx512::bilinear_float_pairs::<u16, _>),
+            3 => kernel!(avx512::bilinear_float::<u16, _, 3>),
+            4 => kernel!(avx512::bilinear_float::<u16, _, 4>),
+            _ => kernel!(avx512::bilinear_float_any::<u16, _>),
         },
         #[cfg(target_arch = "aarch64")]
         Isa::Neon => match channels {
-            1 => kernel!(neon::bilinear_float::<u16, 1>),
-            3 => kernel!(neon::bilinear_float::<u16, 3>),
-            4 => kernel!(neon::bilinear_float::<u16, 4>),
+            1 => kernel!(neon::bilinear_float::<u16, _, 1>),
+            3 => kernel!(neon::bilinear_float::<u16, _, 3>),
+            4 => kernel!(neon::bilinear_float::<u16, _, 4>),
             _ => None,
         },
         _ => None,
     }
 }
 
+/// The kernel of float images, for taps of either kind.
+macro_rules! kernel_f32 {
+    ($isa:expr, $channels:expr) => {
+        match $isa {
+            #[cfg(target_arch = "x86_64")]
+            Isa::Avx2 => match $channels {
+                1 => kernel!(avx2::bilinear_f32::<_, 1>),
+                3 => kernel!(avx2::bilinear_f32::<_, 3>),
+                4 => kernel!(avx2::bilinear_f32::<_, 4>),
+                5.. => kernel!(avx2::bilinear_f32_any::<_>),
+                _ => None,
+            },
+            #[cfg(target_arch = "x86_64")]
+            Isa::Avx512 => match $channels {
+                1 => kernel!(avx512::bilinear_float::<f32, _, 1>),
+                2 => kernel!(avx512::bilinear_float_pairs::<f32, _>),
+                3 => kernel!(avx512::bilinear_float::<f32, _, 3>),
+                4 => kernel!(avx512::bilinear_float::<f32, _, 4>),
+                _ => kernel!(avx512::bilinear_float_any::<f32, _>),
+            },
+            #[cfg(target_arch = "aarch64")]
+            Isa::Neon => match $channels {
+                1 => kernel!(neon::bilinear_float::<f32, _, 1>),
+                3 => kernel!(neon::bilinear_float::<f32, _, 3>),
+                4 => kernel!(neon::bilinear_float::<f32, _, 4>),
+                _ => None,
+            },
+            _ => None,
+        }
+    };
+}
+
 /// Bilinear of float images.
 pub(super) fn bilinear_f32(isa: Isa, channels: usize) -> Option<RowKernel<f32>> {
-    match isa {
-        #[cfg(target_arch = "x86_64")]
-        Isa::Avx2 => match channels {
-            1 => kernel!(avx2::bilinear_f32::<1>),
-            3 => kernel!(avx2::bilinear_f32::<3>),
-            4 => kernel!(avx2::bilinear_f32::<4>),
-            5.. => kernel!(avx2::bilinear_f32_any),
+    kernel_f32!(isa, channels)
+}
+
+/// The same with exact fractions.
+pub(super) fn exact_f32(isa: Isa, channels: usize) -> Option<ExactKernel<f32, f32>> {
+    kernel_f32!(isa, channels)
+}
+
+/// The scalar kernel in the vectors of an instruction set, for taps of either kind.
+macro_rules! kernel_compiled {
+    ($isa:expr, $channels:expr) => {
+        match $isa {
+            #[cfg(target_arch = "x86_64")]
+            Isa::Avx2 => kernel_compiled_for!(Avx2, $channels),
+            #[cfg(target_arch = "x86_64")]
+            Isa::Avx512 => kernel_compiled_for!(Avx512, $channels),
             _ => None,
-        },
-        #[cfg(target_arch = "x86_64")]
-        Isa::Avx512 => match channels {
-            1 => kernel!(avx512::bilinear_float::<f32, 1>),
-            2 => kernel!(avx512::bilinear_float_pairs::<f32>),
-            3 => kernel!(avx512::bilinear_float::<f32, 3>),
-            4 => kernel!(avx512::bilinear_float::<f32, 4>),
-            _ => kernel!(avx512::bilinear_float_any::<f32>),
-        },
-        #[cfg(target_arch = "aarch64")]
-        Isa::Neon => match channels {
-            1 => kernel!(neon::bilinear_float::<f32, 1>),
-            3 => kernel!(neon::bilinear_float::<f32, 3>),
-            4 => kernel!(neon::bilinear_float::<f32, 4>),
-            _ => None,
-        },
-        _ => None,
+        }
+    };
+}
+
+/// [`kernel_compiled`] for one instruction set.
+#[cfg(target_arch = "x86_64")]
+macro_rules! kernel_compiled_for {
+    ($isa:ident, $channels:expr) => {
+        match $channels {
+            1 => Some(|source, places, cells| cpu::run(Isa::$isa, Row::<_, _, 1> { source, places, cells })),
+            2 => Some(|source, places, cells| cpu::run(Isa::$isa, Row::<_, _, 2> { source, places, cells })),
+            3 => Some(|source, places, cells| cpu::run(Isa::$isa, Row::<_, _, 3> { source, places, cells })),
+            4 => Some(|source, places, cells| cpu::run(Isa::$isa, Row::<_, _, 4> { source, places, cells })),
+            _ => Some(|source, places, cells| cpu::run(Isa::$isa, Row::<_, _, 0> { source, places, cells })),
+        }
+    };
+}
+
+/// Bilinear of samples that have no kernels by hand.
+pub(super) fn compiled<T: Bilinear>(isa: Isa, channels: usize) -> Option<RowKernel<T>> {
+    kernel_compiled!(isa, channels)
+}
+
+/// The same with exact fractions.
+pub(super) fn compiled_exact<F: Float, T: ExactBlend<F>>(isa: Isa, channels: usize) -> Option<ExactKernel<T, F>> {
+    kernel_compiled!(isa, channels)
+}
+
+/// The scalar kernel's work on neighbouring cells.
+struct Row<'a, T, P, const CHANNELS: usize> {
+    source: &'a Source<'a, T>,
+    places: P,
+    cells: &'a mut [T],
+}
+
+impl<T: Bilinear, P: Places<T>, const CHANNELS: usize> Body for Row<'_, T, P, CHANNELS> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Self { source, places, cells } = self;
+        if source.image.is_contiguous() {
+            scalar::blend_cells::<T, P, CHANNELS, true>(source, places, cells);
+        } else {
+            scalar::blend_cells::<T, P, CHANNELS, false>(source, places, cells);
+        }
     }
 }

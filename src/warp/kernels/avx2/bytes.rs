@@ -12,6 +12,7 @@
 //! * 1 channel, **gather**: elsewhere each pair of pixels is loaded by itself.
 
 use std::arch::x86_64::*;
+use std::ops::Range;
 
 use super::{
     ALL, CELLS, Cells, Group, Run, distances_within, for_each_chunk, lanes, load_halves, opaque, rows_at, vector,
@@ -44,11 +45,11 @@ pub(in crate::warp::kernels) fn bilinear_u8<const CHANNELS: usize>(
 #[inline]
 #[target_feature(enable = "avx2")]
 fn blend_run<const CHANNELS: usize, const GROUPS: usize>(source: &Source<'_, u8>, taps: &[Tap], cells: &mut [u8]) {
-    let scalar = scalar::bilinear::<u8, CHANNELS, false>;
+    let scalar = scalar::bilinear::<u8, &[Tap], CHANNELS, false>;
     let plane = Plane::new(source).filter(|_| taps.len() >= CELLS);
     let Some(plane) = plane else { return scalar(source, taps, cells) };
     Run::<_, CHANNELS, GROUPS> { plane: &plane, limit: plane.limit(LOADED), taps, cells }.for_each_group(
-        |group| (group.offsets, Weights::new(group.fractions)),
+        |_, group| (group.offsets, Weights::new(group.fractions)),
         |positions, weights, cells| {
             if CHANNELS == 1 {
                 blend_gray(&plane, positions, weights, cells);
@@ -56,7 +57,7 @@ fn blend_run<const CHANNELS: usize, const GROUPS: usize>(source: &Source<'_, u8>
                 blend_colour::<CHANNELS>(&plane, positions, weights, cells);
             }
         },
-        |taps, cells| scalar(source, taps, cells),
+        |range, cells| scalar(source, &taps[range], cells),
     );
 }
 
@@ -226,10 +227,10 @@ fn store_gray(lanes: __m256i, cells: &mut [u8]) {
 #[target_feature(enable = "avx2")]
 pub(in crate::warp::kernels) fn bilinear_u8_any(source: &Source<'_, u8>, taps: &[Tap], cells: &mut [u8]) {
     let channels = source.channels();
-    let scalar = scalar::bilinear::<u8, 0, false>;
+    let scalar = scalar::bilinear::<u8, &[Tap], 0, false>;
     let plane = Plane::new(source).filter(|_| taps.len() >= CELLS && channels >= 4);
     let Some(plane) = plane else { return scalar(source, taps, cells) };
-    let prepare = |group: &Group| {
+    let prepare = |_, group: &Group| {
         let weights = Weights::new(group.fractions);
         (group.offsets, (lanes(weights.top), lanes(weights.bottom)))
     };
@@ -271,6 +272,6 @@ pub(in crate::warp::kernels) fn bilinear_u8_any(source: &Source<'_, u8>, taps: &
             for_each_chunk(channels, eight, four);
         }
     };
-    let rest = |taps: &[Tap], cells: &mut [u8]| scalar(source, taps, cells);
+    let rest = |range: Range<usize>, cells: &mut [u8]| scalar(source, &taps[range], cells);
     Run::<_, 0, 8> { plane: &plane, limit: i32::MAX, taps, cells }.for_each_group(prepare, fill, rest);
 }

@@ -6,9 +6,11 @@
 //! * otherwise the channels of one cell fill the vector.
 
 use std::arch::x86_64::*;
+use std::ops::Range;
 
 use super::{ALL, CELLS, Cells, Group, Run, for_each_chunk, load_halves, opaque, rows_at};
 use crate::lut::table::Tap;
+use crate::warp::kernels::places::Places;
 use crate::warp::kernels::plane::Plane;
 use crate::warp::kernels::{Source, scalar};
 
@@ -39,17 +41,17 @@ fn quarter<const QUARTER: i32>((x, y): (__m256, __m256)) -> (__m256, __m256) {
 /// # Safety
 /// The CPU has AVX2.
 #[target_feature(enable = "avx2")]
-pub(in crate::warp::kernels) fn bilinear_f32<const CHANNELS: usize>(
+pub(in crate::warp::kernels) fn bilinear_f32<P: Places<f32>, const CHANNELS: usize>(
     source: &Source<'_, f32>,
-    taps: &[Tap],
+    places: P,
     cells: &mut [f32],
 ) {
     // 16 bytes from the right pixel where it has 12; otherwise just two pixels, which exist
     let loaded = if CHANNELS == 3 { 28 } else { 0 };
     match CHANNELS {
-        1 => blend_run_f32::<1, 4>(source, loaded, taps, cells),
-        3 => blend_run_f32::<3, 12>(source, loaded, taps, cells),
-        _ => blend_run_f32::<4, 16>(source, loaded, taps, cells),
+        1 => blend_run_f32::<P, 1, 4>(source, loaded, places, cells),
+        3 => blend_run_f32::<P, 3, 12>(source, loaded, places, cells),
+        _ => blend_run_f32::<P, 4, 16>(source, loaded, places, cells),
     }
 }
 
@@ -57,18 +59,18 @@ pub(in crate::warp::kernels) fn bilinear_f32<const CHANNELS: usize>(
 /// below (0: no more than a tap's pixels).
 #[inline]
 #[target_feature(enable = "avx2")]
-fn blend_run_f32<const CHANNELS: usize, const PIXEL: usize>(
+fn blend_run_f32<P: Places<f32>, const CHANNELS: usize, const PIXEL: usize>(
     source: &Source<'_, f32>,
     loaded: usize,
-    taps: &[Tap],
+    places: P,
     cells: &mut [f32],
 ) {
-    let scalar = scalar::bilinear::<f32, CHANNELS, false>;
+    let (scalar, taps) = (scalar::bilinear::<f32, P, CHANNELS, false>, places.taps());
     let plane = Plane::new(source).filter(|_| taps.len() >= CELLS);
-    let Some(plane) = plane else { return scalar(source, taps, cells) };
+    let Some(plane) = plane else { return scalar(source, places, cells) };
     let limit = if loaded == 0 { i32::MAX } else { plane.limit(loaded) };
     Run::<_, PIXEL, 1> { plane: &plane, limit, taps, cells }.for_each_group(
-        |group| (group.offsets, group.weights()),
+        |first, group| (group.offsets, weights_of(places, first, group)),
         |positions, &weights, cells| {
             if CHANNELS == 1 {
                 blend_one_f32(&plane, positions, weights, cells);
@@ -76,7 +78,7 @@ fn blend_run_f32<const CHANNELS: usize, const PIXEL: usize>(
                 blend_colour_f32::<CHANNELS, PIXEL>(&plane, positions, weights, cells);
             }
         },
-        |taps, cells| scalar(source, taps, cells),
+        |range, cells| scalar(source, places.part(range), cells),
     );
 }
 
@@ -158,11 +160,15 @@ fn blend_colour_f32<const CHANNELS: usize, const PIXEL: usize>(
 /// # Safety
 /// The CPU has AVX2.
 #[target_feature(enable = "avx2")]
-pub(in crate::warp::kernels) fn bilinear_f32_any(source: &Source<'_, f32>, taps: &[Tap], cells: &mut [f32]) {
-    let channels = source.channels();
-    let scalar = scalar::bilinear::<f32, 0, false>;
+pub(in crate::warp::kernels) fn bilinear_f32_any<P: Places<f32>>(
+    source: &Source<'_, f32>,
+    places: P,
+    cells: &mut [f32],
+) {
+    let (channels, taps) = (source.channels(), places.taps());
+    let scalar = scalar::bilinear::<f32, P, 0, false>;
     let plane = Plane::new(source).filter(|_| taps.len() >= CELLS && channels >= 4);
-    let Some(plane) = plane else { return scalar(source, taps, cells) };
+    let Some(plane) = plane else { return scalar(source, places, cells) };
     let fill = |at: &Cells<'_>, (x, y): &([f32; CELLS], [f32; CELLS]), cells: &mut [f32]| {
         for (cell, out) in cells.chunks_exact_mut(channels).enumerate() {
             let ((top, bottom), out) = (rows_at(&plane, at.position(cell)), out.as_mut_ptr());
@@ -188,16 +194,26 @@ pub(in crate::warp::kernels) fn bilinear_f32_any(source: &Source<'_, f32>, taps:
             for_each_chunk(channels, eight, four);
         }
     };
-    let prepare = |group: &Group| (group.offsets, weight_lanes(group));
-    let rest = |taps: &[Tap], cells: &mut [f32]| scalar(source, taps, cells);
+    let prepare = |first, group: &Group| (group.offsets, weight_lanes(weights_of(places, first, group)));
+    let rest = |range: Range<usize>, cells: &mut [f32]| scalar(source, places.part(range), cells);
     Run::<_, 0, 8> { plane: &plane, limit: i32::MAX, taps, cells }.for_each_group(prepare, fill, rest);
 }
 
-/// The weights of a group as arrays.
+/// The weights of a group whose first cell is `first`.
 #[inline]
 #[target_feature(enable = "avx2")]
-fn weight_lanes(group: &Group) -> ([f32; CELLS], [f32; CELLS]) {
-    let (x, y) = group.weights();
+fn weights_of<P: Places<f32>>(places: P, first: usize, group: &Group) -> (__m256, __m256) {
+    match places.floats::<CELLS>(first) {
+        // SAFETY: eight numbers are 32 bytes; the loads need no alignment.
+        Some([x, y]) => unsafe { (_mm256_loadu_ps(x.as_ptr()), _mm256_loadu_ps(y.as_ptr())) },
+        None => group.weights(),
+    }
+}
+
+/// Weights as arrays.
+#[inline]
+#[target_feature(enable = "avx2")]
+fn weight_lanes((x, y): (__m256, __m256)) -> ([f32; CELLS], [f32; CELLS]) {
     let mut lanes = ([0.0; CELLS], [0.0; CELLS]);
     // SAFETY: eight lanes are 32 bytes.
     unsafe {
@@ -243,12 +259,12 @@ fn blend_run_u16<const CHANNELS: usize, const PIXEL: usize>(
     taps: &[Tap],
     cells: &mut [u16],
 ) {
-    let scalar = scalar::bilinear::<u16, CHANNELS, false>;
+    let scalar = scalar::bilinear::<u16, &[Tap], CHANNELS, false>;
     let plane = Plane::new(source).filter(|_| taps.len() >= CELLS);
     let Some(plane) = plane else { return scalar(source, taps, cells) };
     let limit = if loaded == 0 { i32::MAX } else { plane.limit(loaded) };
     Run::<_, PIXEL, 1> { plane: &plane, limit, taps, cells }.for_each_group(
-        |group| (group.offsets, group.weights()),
+        |_, group| (group.offsets, group.weights()),
         |positions, &weights, cells| {
             if CHANNELS == 1 {
                 blend_one_u16(&plane, positions, weights, cells);
@@ -256,7 +272,7 @@ fn blend_run_u16<const CHANNELS: usize, const PIXEL: usize>(
                 blend_colour_u16::<CHANNELS, PIXEL>(&plane, positions, weights, cells);
             }
         },
-        |taps, cells| scalar(source, taps, cells),
+        |range, cells| scalar(source, &taps[range], cells),
     );
 }
 
@@ -361,7 +377,7 @@ fn blend_colour_u16<const CHANNELS: usize, const PIXEL: usize>(
 #[target_feature(enable = "avx2")]
 pub(in crate::warp::kernels) fn bilinear_u16_any(source: &Source<'_, u16>, taps: &[Tap], cells: &mut [u16]) {
     let channels = source.channels();
-    let scalar = scalar::bilinear::<u16, 0, false>;
+    let scalar = scalar::bilinear::<u16, &[Tap], 0, false>;
     let plane = Plane::new(source).filter(|_| taps.len() >= CELLS && channels >= 4);
     let Some(plane) = plane else { return scalar(source, taps, cells) };
     let fill = |at: &Cells<'_>, (x, y): &([f32; CELLS], [f32; CELLS]), cells: &mut [u16]| {
@@ -392,7 +408,7 @@ pub(in crate::warp::kernels) fn bilinear_u16_any(source: &Source<'_, u16>, taps:
             for_each_chunk(channels, eight, four);
         }
     };
-    let prepare = |group: &Group| (group.offsets, weight_lanes(group));
-    let rest = |taps: &[Tap], cells: &mut [u16]| scalar(source, taps, cells);
+    let prepare = |_, group: &Group| (group.offsets, weight_lanes(group.weights()));
+    let rest = |range: Range<usize>, cells: &mut [u16]| scalar(source, &taps[range], cells);
     Run::<_, 0, 8> { plane: &plane, limit: i32::MAX, taps, cells }.for_each_group(prepare, fill, rest);
 }

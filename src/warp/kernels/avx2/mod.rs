@@ -13,6 +13,7 @@ pub(super) use nearest::nearest;
 
 use std::arch::x86_64::*;
 use std::mem::MaybeUninit;
+use std::ops::Range;
 
 use super::plane::Plane;
 use crate::lut::table::Tap;
@@ -82,8 +83,9 @@ struct Run<'a, T, const PIXEL: usize, const GROUPS: usize> {
 }
 
 impl<T, const PIXEL: usize, const GROUPS: usize> Run<'_, T, PIXEL, GROUPS> {
-    /// Fills the run, group by group. `prepare` gives the offsets of a group's pixels and what else blending takes;
-    /// `fill` gets their positions, all within the limit, and that; `rest` fills blocks that are not within the limit.
+    /// Fills the run, group by group. `prepare` gets a group and its first cell, and gives the offsets of its pixels and
+    /// what else blending takes; `fill` gets their positions, all within the limit, and that; `rest` fills blocks that are
+    /// not within the limit.
     ///
     /// In a block all positions and weights are worked out first, then all pixels fetched: from a tap to its blend is a
     /// long way, and a CPU that sees two hundred instructions ahead waits for it. Blocks of 64 cells took 10 % off three
@@ -94,9 +96,9 @@ impl<T, const PIXEL: usize, const GROUPS: usize> Run<'_, T, PIXEL, GROUPS> {
     #[target_feature(enable = "avx2")]
     fn for_each_group<W: Copy>(
         self,
-        prepare: impl Fn(&Group) -> (__m256i, W),
+        prepare: impl Fn(usize, &Group) -> (__m256i, W),
         mut fill: impl FnMut(&Cells<'_>, &W, &mut [T]),
-        mut rest: impl FnMut(&[Tap], &mut [T]),
+        mut rest: impl FnMut(Range<usize>, &mut [T]),
     ) {
         let Self { plane, limit, taps, cells } = self;
         let samples = if PIXEL == 0 { cells.len() / taps.len() } else { PIXEL / size_of::<T>() };
@@ -110,7 +112,8 @@ impl<T, const PIXEL: usize, const GROUPS: usize> Run<'_, T, PIXEL, GROUPS> {
             let groups = (taps.len() - block).div_ceil(CELLS).min(GROUPS);
             let mut highest = _mm256_setzero_si256();
             for (group, (positions, weights)) in positions.iter_mut().zip(&mut weights).enumerate().take(groups) {
-                let (offsets, prepared) = prepare(&Group::load(group_of((block + CELLS * group).min(last))));
+                let first = (block + CELLS * group).min(last);
+                let (offsets, prepared) = prepare(first, &Group::load(group_of(first)));
                 let found = self::positions::<PIXEL>(plane, offsets);
                 highest = _mm256_max_epi32(highest, found);
                 weights.write(prepared);
@@ -118,7 +121,7 @@ impl<T, const PIXEL: usize, const GROUPS: usize> Run<'_, T, PIXEL, GROUPS> {
             }
             if !all_at_most(highest, limit) {
                 let range = block.min(last)..(block + CELLS * GROUPS).min(taps.len());
-                rest(&taps[range.clone()], &mut cells[range.start * samples..range.end * samples]);
+                rest(range.clone(), &mut cells[range.start * samples..range.end * samples]);
                 continue;
             }
             for (group, (positions, weights)) in positions.iter().zip(&weights).enumerate().take(groups) {

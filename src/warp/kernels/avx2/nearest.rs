@@ -41,7 +41,7 @@ fn copy_run<T: Sample, const PIXEL: usize, const GROUPS: usize>(source: &Source<
     // not `Plane::limit`: nothing is loaded from the row below
     let limit = size_of_val(source.image.data()) as isize - loaded::<PIXEL>() as isize;
     Run::<_, PIXEL, GROUPS> { plane: &plane, limit: limit as i32, taps, cells }.for_each_group(
-        |group| (group.nearest(width), ()),
+        |_, group| (group.nearest(width), ()),
         |at, (), cells| {
             let cells = as_bytes_mut(cells);
             match PIXEL {
@@ -50,7 +50,7 @@ fn copy_run<T: Sample, const PIXEL: usize, const GROUPS: usize>(source: &Source<
                 _ => copy::<PIXEL>(&plane, at, cells),
             }
         },
-        |taps, cells| scalar(source, taps, cells),
+        |range, cells| scalar(source, &taps[range], cells),
     );
 }
 

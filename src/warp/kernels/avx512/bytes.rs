@@ -38,7 +38,7 @@ pub(in crate::warp::kernels) fn bilinear_u8<const CHANNELS: usize>(
     cells: &mut [u8],
 ) {
     let plane = Plane::new(source).filter(|_| taps.len() >= 16);
-    let Some(plane) = plane else { return scalar::bilinear::<u8, CHANNELS, false>(source, taps, cells) };
+    let Some(plane) = plane else { return scalar::bilinear::<u8, &[Tap], CHANNELS, false>(source, taps, cells) };
     let reach = Reach::new(&plane);
     for group in 0..taps.len().div_ceil(16) {
         // the last group reaches back to be whole: some cells are blended twice
@@ -46,7 +46,7 @@ pub(in crate::warp::kernels) fn bilinear_u8<const CHANNELS: usize>(
         let taps = taps[first..].first_chunk().expect("sixteen are left");
         let cells = &mut cells[first * CHANNELS..(first + 16) * CHANNELS];
         if !blend_group::<CHANNELS>(&plane, reach, taps, cells) {
-            scalar::bilinear::<u8, CHANNELS, false>(source, taps, cells);
+            scalar::bilinear::<u8, &[Tap], CHANNELS, false>(source, taps, cells);
         }
     }
 }

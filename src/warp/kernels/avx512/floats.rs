@@ -14,6 +14,7 @@ use std::arch::x86_64::*;
 
 use super::{AHEAD, Group, Pixels, all_within, opaque, scalar_offset, scalar_positions, window};
 use crate::lut::table::{ONE, Tap};
+use crate::warp::kernels::places::Places;
 use crate::warp::kernels::plane::Plane;
 use crate::warp::kernels::{Bilinear, Source, scalar};
 
@@ -33,19 +34,21 @@ const fn gathered(sample: usize, channels: usize) -> usize {
 /// # Safety
 /// The CPU has AVX-512 F, BW, VL, VBMI and VNNI.
 #[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512vbmi,avx512vnni")]
-pub(in crate::warp::kernels) fn bilinear_float<T: Float, const CHANNELS: usize>(
+pub(in crate::warp::kernels) fn bilinear_float<T: Float, P: Places<T>, const CHANNELS: usize>(
     source: &Source<'_, T>,
-    all: &[Tap],
+    places: P,
     cells: &mut [T],
 ) {
+    let all = places.taps();
     let plane = Plane::new(source).filter(|_| all.len() >= 16);
-    let Some(plane) = plane else { return scalar::bilinear::<T, CHANNELS, false>(source, all, cells) };
+    let Some(plane) = plane else { return scalar::bilinear::<T, P, CHANNELS, false>(source, places, cells) };
     let limit = |bytes| plane.limit(bytes) as isize;
     let reach = Reach { near: limit(128), wide: limit(256), gathered: limit(gathered(size_of::<T>(), CHANNELS)) };
     for group in 0..all.len().div_ceil(16) {
         // the last group reaches back to be whole: some cells are blended twice
         let first = (16 * group).min(all.len() - 16);
         let taps = all[first..].first_chunk().expect("sixteen are left");
+        let at = Sixteen { taps, exact: places.floats(first) };
         let cells = &mut cells[first * CHANNELS..(first + 16) * CHANNELS];
         if CHANNELS * size_of::<T>() >= 12 {
             prefetch_quads::<T, CHANNELS>(
@@ -54,16 +57,24 @@ pub(in crate::warp::kernels) fn bilinear_float<T: Float, const CHANNELS: usize>(
             );
         }
         let blended = match (CHANNELS, size_of::<T>()) {
-            (1, _) => blend_planar(&plane, reach, taps, cells),
-            (3, 2) => blend_quads::<T, CHANNELS, 6>(&plane, reach, taps, cells),
-            (3, _) => blend_quads::<T, CHANNELS, 12>(&plane, reach, taps, cells),
-            (_, 2) => blend_quads::<T, CHANNELS, 8>(&plane, reach, taps, cells),
-            _ => blend_quads::<T, CHANNELS, 16>(&plane, reach, taps, cells),
+            (1, _) => blend_planar(&plane, reach, at, cells),
+            (3, 2) => blend_quads::<T, CHANNELS, 6>(&plane, reach, at, cells),
+            (3, _) => blend_quads::<T, CHANNELS, 12>(&plane, reach, at, cells),
+            (_, 2) => blend_quads::<T, CHANNELS, 8>(&plane, reach, at, cells),
+            _ => blend_quads::<T, CHANNELS, 16>(&plane, reach, at, cells),
         };
         if !blended {
-            scalar::bilinear::<T, CHANNELS, false>(source, taps, cells);
+            scalar::bilinear::<T, P, CHANNELS, false>(source, places.part(first..first + 16), cells);
         }
     }
+}
+
+/// Sixteen cells.
+#[derive(Clone, Copy)]
+struct Sixteen<'a> {
+    taps: &'a [Tap; 16],
+    /// Their fractions, where they are not those of the taps.
+    exact: Option<[&'a [f32; 16]; 2]>,
 }
 
 /// The last byte positions from which the loads of each way stay inside the image, there and one row below.
@@ -90,6 +101,17 @@ impl Fractions {
         let unit =
             |q15| _mm512_mul_ps(_mm512_cvtepi32_ps(_mm512_and_si512(q15, low)), _mm512_set1_ps(1.0 / ONE as f32));
         Self { x: unit(packed), y: unit(_mm512_srli_epi32::<16>(packed)) }
+    }
+
+    /// Exact ones where there are any, else those that the taps say.
+    #[inline]
+    #[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512vbmi,avx512vnni")]
+    pub(super) fn of(exact: Option<[&[f32; 16]; 2]>, packed: __m512i) -> Self {
+        match exact {
+            // SAFETY: sixteen numbers are 64 bytes; the loads need no alignment.
+            Some([x, y]) => unsafe { Self { x: _mm512_loadu_ps(x.as_ptr()), y: _mm512_loadu_ps(y.as_ptr()) } },
+            None => Self::new(packed),
+        }
     }
 
     /// Those of cells 4 `quad` to 4 `quad` + 3, each in four lanes.
@@ -202,8 +224,8 @@ fn pick<T: Float, const VECTORS: usize>(rows: &[[__m512i; VECTORS]; 2], left: __
 /// Blends sixteen cells of one channel; false, and nothing written, where a load would leave the image.
 #[inline]
 #[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512vbmi,avx512vnni")]
-fn blend_planar<T: Float>(plane: &Plane<'_>, reach: Reach, taps: &[Tap; 16], cells: &mut [T]) -> bool {
-    let group = Group::load(taps);
+fn blend_planar<T: Float>(plane: &Plane<'_>, reach: Reach, at: Sixteen<'_>, cells: &mut [T]) -> bool {
+    let (taps, group) = (at.taps, Group::load(at.taps));
     let (positions, (base, distances)) = if size_of::<T>() == 2 {
         let positions = plane.positions::<2>(group.offsets);
         (positions, window::<2>(plane, taps, positions))
@@ -222,7 +244,7 @@ fn blend_planar<T: Float>(plane: &Plane<'_>, reach: Reach, taps: &[Tap; 16], cel
     } else {
         gather_planar::<T>(plane, taps, positions)
     };
-    let blends = Fractions::new(group.fractions).blend(pixels);
+    let blends = Fractions::of(at.exact, group.fractions).blend(pixels);
     assert_eq!(cells.len(), 16);
     let at = cells.as_mut_ptr();
     if size_of::<T>() == 2 {
@@ -279,10 +301,10 @@ fn gather_planar<T: Float>(plane: &Plane<'_>, taps: &[Tap; 16], positions: __m51
 fn blend_quads<T: Float, const CHANNELS: usize, const PIXEL: usize>(
     plane: &Plane<'_>,
     reach: Reach,
-    taps: &[Tap; 16],
+    at: Sixteen<'_>,
     cells: &mut [T],
 ) -> bool {
-    let group = Group::load(taps);
+    let (taps, group) = (at.taps, Group::load(at.taps));
     let positions = match PIXEL {
         6 => plane.positions::<6>(group.offsets),
         8 => plane.positions::<8>(group.offsets),
@@ -295,7 +317,7 @@ fn blend_quads<T: Float, const CHANNELS: usize, const PIXEL: usize>(
         _mm512_shuffle_epi32::<0b11_11_11_11>(positions),
     );
     let distances = _mm512_sub_epi32(positions, bases);
-    let fractions = Fractions::new(group.fractions);
+    let fractions = Fractions::of(at.exact, group.fractions);
     if reach.near >= 0 && all_within(distances, 128 - 2 * PIXEL as i32) && all_within(bases, reach.near as i32) {
         let bases = quad_bases::<PIXEL>(plane, taps, bases);
         let samples =
@@ -458,15 +480,22 @@ fn store_quads<T: Float, const CHANNELS: usize>(quads: [__m512; 4], cells: &mut 
 /// # Safety
 /// The CPU has AVX-512 F, BW, VL, VBMI and VNNI.
 #[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512vbmi,avx512vnni")]
-pub(in crate::warp::kernels) fn bilinear_float_any<T: Float>(source: &Source<'_, T>, taps: &[Tap], cells: &mut [T]) {
-    let image = Pixels::new(source);
+pub(in crate::warp::kernels) fn bilinear_float_any<T: Float, P: Places<T>>(
+    source: &Source<'_, T>,
+    places: P,
+    cells: &mut [T],
+) {
+    let (image, taps) = (Pixels::new(source), places.taps());
     let channels = image.channels;
     for (index, (tap, cell)) in taps.iter().zip(cells.chunks_exact_mut(channels)).enumerate() {
         if image.is_wide() {
             image.prefetch(&taps[(index + AHEAD).min(taps.len() - 1)]);
         }
         let pixels = image.of(tap);
-        let fractions = Fractions::new(_mm512_set1_epi32((tap.fx() | tap.fy() << 16) as i32));
+        let fractions = match places.floats::<1>(index) {
+            Some([[x], [y]]) => Fractions { x: _mm512_set1_ps(*x), y: _mm512_set1_ps(*y) },
+            None => Fractions::new(_mm512_set1_epi32((tap.fx() | tap.fy() << 16) as i32)),
+        };
         for first in (0..channels).step_by(16) {
             let lanes = u16::MAX >> (16 - (channels - first).min(16));
             let [left_top, right_top, left_bottom, right_bottom] =

@@ -5,7 +5,7 @@ use std::arch::x86_64::*;
 
 use super::floats::{Float, Fractions, Taps, halves, rounded};
 use super::{Group, opaque, scalar_positions};
-use crate::lut::table::Tap;
+use crate::warp::kernels::places::Places;
 use crate::warp::kernels::plane::Plane;
 use crate::warp::kernels::{Source, scalar};
 
@@ -14,9 +14,14 @@ use crate::warp::kernels::{Source, scalar};
 /// # Safety
 /// The CPU has AVX-512 F, BW, VL, VBMI and VNNI.
 #[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512vbmi,avx512vnni")]
-pub(in crate::warp::kernels) fn bilinear_float_pairs<T: Float>(source: &Source<'_, T>, all: &[Tap], cells: &mut [T]) {
+pub(in crate::warp::kernels) fn bilinear_float_pairs<T: Float, P: Places<T>>(
+    source: &Source<'_, T>,
+    places: P,
+    cells: &mut [T],
+) {
+    let all = places.taps();
     let plane = Plane::new(source).filter(|_| all.len() >= 16);
-    let Some(plane) = plane else { return scalar::bilinear::<T, 2, false>(source, all, cells) };
+    let Some(plane) = plane else { return scalar::bilinear::<T, P, 2, false>(source, places, cells) };
     for group in 0..all.len().div_ceil(16) {
         // the last group reaches back to be whole: some cells are blended twice
         let first = (16 * group).min(all.len() - 16);
@@ -27,7 +32,7 @@ pub(in crate::warp::kernels) fn bilinear_float_pairs<T: Float>(source: &Source<'
         } else {
             scalar_positions::<8>(&plane, taps, plane.positions::<8>(group.offsets))
         };
-        let fractions = Fractions::new(group.fractions);
+        let fractions = Fractions::of(places.floats(first), group.fractions);
         for octet in 0..2 {
             let at = at[8 * octet..].first_chunk().expect("eight are left");
             let pixels =

@@ -362,9 +362,9 @@ fn one_by_one<const CHANNELS: usize>(
         });
         let taps = &taps[first..][..cells.len() / CHANNELS];
         if index == 0 {
-            scalar::bilinear::<u8, CHANNELS, false>(source, taps, cells);
+            scalar::bilinear::<u8, &[Tap], CHANNELS, false>(source, taps, cells);
         } else {
-            scalar::bilinear::<u8, CHANNELS, false>(source, taps, blends);
+            scalar::bilinear::<u8, &[Tap], CHANNELS, false>(source, taps, blends);
             <u8 as Average>::add(Isa::Scalar, cells, blends, sums);
         }
     }

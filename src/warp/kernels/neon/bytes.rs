@@ -22,10 +22,10 @@ pub(in crate::warp::kernels) fn bilinear_u8<const CHANNELS: usize>(
     cells: &mut [u8],
 ) {
     let Some(plane) = Plane::new(source).filter(|_| taps.len() >= 8) else {
-        return scalar::bilinear::<u8, CHANNELS, false>(source, taps, cells);
+        return scalar::bilinear::<u8, &[Tap], CHANNELS, false>(source, taps, cells);
     };
     let last = plane.limit(8) as isize;
-    in_groups::<u8, 8>(taps, cells, CHANNELS, |taps, cells| {
+    in_groups::<u8, 8>(taps, cells, CHANNELS, |_, taps, cells| {
         let (low, high) = halves(taps);
         let (low, high) = (Four::load(low), Four::load(high));
         let weights = Weights::new(low.fractions, high.fractions);
@@ -35,7 +35,7 @@ pub(in crate::warp::kernels) fn bilinear_u8<const CHANNELS: usize>(
             4 => store_four(blend::<4>(rows, &weights), cells),
             // beyond the two pixels of a row lie two bytes that the image may not have
             _ if highest::<CHANNELS>(&plane, &rows, vmaxq_u32(low.offsets, high.offsets)) as isize > last => {
-                scalar::bilinear::<u8, CHANNELS, false>(source, taps, cells);
+                scalar::bilinear::<u8, &[Tap], CHANNELS, false>(source, taps, cells);
             }
             _ => store_three(blend::<3>(rows, &weights), cells),
         }

@@ -3,7 +3,7 @@
 use std::arch::aarch64::*;
 
 use super::{Four, in_groups};
-use crate::lut::table::Tap;
+use crate::warp::kernels::places::Places;
 use crate::warp::kernels::plane::Plane;
 use crate::warp::kernels::{Bilinear, Source, scalar};
 
@@ -95,15 +95,16 @@ impl InFloat for u16 {
 /// # Safety
 /// The CPU has NEON, and the taps are of a run that is inside.
 #[target_feature(enable = "neon")]
-pub(in crate::warp::kernels) fn bilinear_float<T: InFloat, const CHANNELS: usize>(
+pub(in crate::warp::kernels) fn bilinear_float<T: InFloat, P: Places<T>, const CHANNELS: usize>(
     source: &Source<'_, T>,
-    taps: &[Tap],
+    places: P,
     cells: &mut [T],
 ) {
+    let taps = places.taps();
     let Some(plane) = Plane::new(source).filter(|_| taps.len() >= 4) else {
-        return scalar::bilinear::<T, CHANNELS, false>(source, taps, cells);
+        return scalar::bilinear::<T, P, CHANNELS, false>(source, places, cells);
     };
-    in_groups::<T, 4>(taps, cells, CHANNELS, |taps, cells| {
+    in_groups::<T, 4>(taps, cells, CHANNELS, |first, taps, cells| {
         assert_eq!(cells.len(), 4 * CHANNELS);
         let rows = match size_of::<T>() * CHANNELS {
             2 => plane.rows::<2, 4>(taps),
@@ -113,10 +114,16 @@ pub(in crate::warp::kernels) fn bilinear_float<T: InFloat, const CHANNELS: usize
             12 => plane.rows::<12, 4>(taps),
             _ => plane.rows::<16, 4>(taps),
         };
-        let fractions = Four::load(taps).fractions;
-        // exact: 15 bits and a power of two
-        let fx = vcvtq_n_f32_u32::<15>(vandq_u32(fractions, vdupq_n_u32(0x7fff)));
-        let fy = vcvtq_n_f32_u32::<15>(vandq_u32(vshrq_n_u32::<16>(fractions), vdupq_n_u32(0x7fff)));
+        let (fx, fy) = match places.floats::<4>(first) {
+            // SAFETY: four numbers are 16 bytes.
+            Some([x, y]) => unsafe { (vld1q_f32(x.as_ptr()), vld1q_f32(y.as_ptr())) },
+            None => {
+                let fractions = Four::load(taps).fractions;
+                // exact: 15 bits and a power of two
+                let fx = vcvtq_n_f32_u32::<15>(vandq_u32(fractions, vdupq_n_u32(0x7fff)));
+                (fx, vcvtq_n_f32_u32::<15>(vandq_u32(vshrq_n_u32::<16>(fractions), vdupq_n_u32(0x7fff))))
+            }
+        };
         let at = cells.as_mut_ptr();
         if CHANNELS == 1 {
             // SAFETY: the cells are inside, so two pixels exist at either address of each; `cells` holds 4.

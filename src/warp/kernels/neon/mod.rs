@@ -61,7 +61,7 @@ impl Plane<'_> {
     }
 }
 
-/// Calls `fill` for groups of neighbouring cells; the last reaches back to be whole, so some cells are filled twice.
+/// Calls `fill` for groups of neighbouring cells, with the first one's number; the last reaches back to be whole, so some cells are filled twice.
 ///
 /// # Panics
 /// Where there is not one whole group.
@@ -71,11 +71,11 @@ fn in_groups<T, const CELLS: usize>(
     taps: &[Tap],
     cells: &mut [T],
     samples: usize,
-    fill: impl Fn(&[Tap; CELLS], &mut [T]),
+    fill: impl Fn(usize, &[Tap; CELLS], &mut [T]),
 ) {
     for group in 0..taps.len().div_ceil(CELLS) {
         let first = (CELLS * group).min(taps.len() - CELLS);
         let group = taps[first..].first_chunk().expect("a whole group is left");
-        fill(group, &mut cells[first * samples..(first + CELLS) * samples]);
+        fill(first, group, &mut cells[first * samples..(first + CELLS) * samples]);
     }
 }

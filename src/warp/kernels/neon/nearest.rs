@@ -22,7 +22,7 @@ pub(in crate::warp::kernels) fn nearest<T: Sample, const PIXEL: usize>(
         return scalar::nearest::<T, 0, false>(source, taps, cells);
     };
     let width = source.image.width() as u32;
-    in_groups::<u8, 4>(taps, as_bytes_mut(cells), PIXEL, |taps, cells| {
+    in_groups::<u8, 4>(taps, as_bytes_mut(cells), PIXEL, |_, taps, cells| {
         assert_eq!(cells.len(), 4 * PIXEL);
         let Four { offsets, fractions } = Four::load(taps);
         let step_x = vandq_u32(vshrq_n_u32::<15>(fractions), vdupq_n_u32(1));

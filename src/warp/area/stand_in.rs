@@ -1,0 +1,129 @@
+//! Area of samples that another dtype stands in for: the image is converted as a whole, averaged, and the result
+//! converted back. So halves are averaged in float32 and rounded once, and signed integers are averaged as the unsigned
+//! ones that are larger by half the range.
+
+use super::{Average, warp};
+use crate::cpu::{self, Body, Isa};
+use crate::error::{Error, Result};
+use crate::half::F16;
+use crate::image::{ImageView, ImageViewMut, Sample};
+use crate::lut::Lut;
+use crate::parallel;
+use crate::warp::WarpOptions;
+use crate::warp::kernels::Bilinear;
+
+/// A sample and the one that stands in for it.
+pub(super) trait StandIn: Sample {
+    type As: Bilinear + Average;
+
+    fn into_stand_in(self) -> Self::As;
+
+    /// Rounds as a blend of this dtype does.
+    fn from_stand_in(value: Self::As) -> Self;
+}
+
+impl StandIn for F16 {
+    type As = f32;
+
+    #[inline(always)]
+    fn into_stand_in(self) -> f32 {
+        self.to_f32()
+    }
+
+    #[inline(always)]
+    fn from_stand_in(value: f32) -> Self {
+        Self::from_f32(value)
+    }
+}
+
+macro_rules! signed {
+    ($signed:ty, $unsigned:ty) => {
+        impl StandIn for $signed {
+            type As = $unsigned;
+
+            #[inline(always)]
+            fn into_stand_in(self) -> $unsigned {
+                (self ^ <$signed>::MIN) as $unsigned
+            }
+
+            #[inline(always)]
+            fn from_stand_in(value: $unsigned) -> $signed {
+                value as $signed ^ <$signed>::MIN
+            }
+        }
+    };
+}
+signed!(i8, u8);
+signed!(i16, u16);
+
+/// As [`warp`]; one image after the other, so that no more than one is held twice.
+pub(super) fn warp_by_stand_in<T: StandIn>(
+    lut: &Lut,
+    images: &[ImageView<'_, T>],
+    outs: &mut [ImageViewMut<'_, T>],
+    border: &[T],
+    options: &WarpOptions<T>,
+) -> Result<()> {
+    let (size, channels) = ((images[0].width(), images[0].height()), images[0].channels());
+    let row = size.0 * channels;
+    let (isa, threads) = (options.isa()?, options.threads_for(size.0 * size.1, channels)?);
+    let mut pixels = buffer::<T::As>(row * size.1)?;
+    let mut averages = buffer::<T::As>(lut.rows() * lut.columns() * channels)?;
+    let out_size = (lut.columns(), lut.rows());
+    let band_rows = parallel::rows_per_band(size.1, size.0, threads);
+    for (index, (image, out)) in images.iter().zip(outs).enumerate() {
+        let bands = pixels.chunks_mut(band_rows * row).enumerate();
+        parallel::for_each(threads, bands, |(band, pixels)| {
+            for (y, to) in (band * band_rows..).zip(pixels.chunks_mut(row)) {
+                let start = image.row_start(y);
+                convert(isa, &image.data()[start..start + row], to, T::into_stand_in);
+            }
+        });
+        // of one value for each channel, all; of one for each plane, its own
+        let own = if border.len() == channels { 0 } else { index % border.len() };
+        let border: Vec<_> = border[own..own + channels].iter().map(|value| value.into_stand_in()).collect();
+        let options = WarpOptions {
+            interpolation: options.interpolation,
+            border_value: border.clone(),
+            isa: options.isa,
+            threads: options.threads,
+        };
+        let image = ImageView::new(&pixels, size, channels)?;
+        let mut average = ImageViewMut::new(&mut averages, out_size, channels)?;
+        warp(lut, &[image], std::slice::from_mut(&mut average), &border, &options)?;
+        for (from, to) in averages.chunks(out_size.0 * channels).zip(out.rows()) {
+            convert(isa, from, to, T::from_stand_in);
+        }
+    }
+    Ok(())
+}
+
+/// Room for so many samples.
+fn buffer<T: Sample>(samples: usize) -> Result<Vec<T>> {
+    let mut buffer = Vec::new();
+    let bytes = samples.saturating_mul(size_of::<T>());
+    buffer.try_reserve_exact(samples).map_err(|_| Error::OutOfMemory { what: "area", bytes })?;
+    buffer.resize(samples, T::default());
+    Ok(buffer)
+}
+
+fn convert<T: Copy, U>(isa: Isa, from: &[T], to: &mut [U], each: impl Fn(T) -> U) {
+    cpu::run(isa, Convert { from, to, each });
+}
+
+struct Convert<'a, T, U, F> {
+    from: &'a [T],
+    to: &'a mut [U],
+    each: F,
+}
+
+impl<T: Copy, U, F: Fn(T) -> U> Body for Convert<'_, T, U, F> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        for (to, &from) in self.to.iter_mut().zip(self.from) {
+            *to = (self.each)(from);
+        }
+    }
+}
