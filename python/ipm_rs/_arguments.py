@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ipm_rs.errors import ArgumentError, ArgumentTypeError, FileError, IpmError
 
-__all__ = ["array_of", "flag_of", "path_text"]
+__all__ = ["array_of", "check_word", "flag_of", "path_text"]
 
 
 def path_text(name: str, path: Any) -> str:
@@ -45,6 +45,17 @@ def flag_of(name: str, value: Any) -> bool:
     if not isinstance(value, (bool, np.bool_)):
         raise ArgumentTypeError(f"{name}: expected True or False, got {type(value).__name__}")
     return bool(value)
+
+
+def check_word(name: str, value: Any) -> None:
+    """Refuse an option that cannot be told in a message: Python prints no integer of thousands of digits."""
+    try:
+        repr(value), str(value)
+    except MemoryError:
+        raise
+    except Exception as error:  # `__repr__` raises what it likes
+        got = type(value).__name__
+        raise ArgumentTypeError(f"{name}: expected a name or a number, got {got} that cannot be printed") from error
 
 
 def array_of(name: str, value: Any) -> NDArray[Any]:

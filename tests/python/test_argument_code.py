@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import itertools
 
 import numpy as np
@@ -10,6 +11,7 @@ from helpers import refuses, same, textured
 
 import ipm_rs
 from ipm_rs import errors, pointfile
+from ipm_rs.calibration import FORMATS
 
 K = np.array([[300.0, 0, 160], [0, 300, 120], [0, 0, 1]])
 CAMERA = ipm_rs.Camera.from_euler(K, image_size=(320, 240), position=(1.0, 0.2, 1.5), pitch=0.2)
@@ -361,3 +363,19 @@ def test_force_is_true_or_false(force, tmp_path):
     with refuses(errors.ArgumentTypeError, "force", "True or False"):
         pointfile.write(tmp_path / "a.ply", POINTS, force=force)
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    "camera", [10**5000, 1.5, True, [1], object(), raising(ValueError, "__repr__", "__str__")], ids=type
+)
+def test_cameras_of_a_file_have_names_or_numbers(camera, tmp_path):
+    """The message shows what came, so it must be of a kind that can be shown."""
+    path = tmp_path / "a.json"
+    path.write_text("{}")
+    for name in FORMATS:
+        read = getattr(ipm_rs.Camera, f"from_{name}")
+        if "camera" in inspect.signature(read).parameters:
+            with pytest.raises(errors.IpmError):
+                read(path, camera=camera)
+    with pytest.raises(errors.IpmError):
+        ipm_rs.Camera.load(path, camera=camera)

@@ -34,6 +34,7 @@ from collections.abc import Mapping, Sequence
 from importlib import import_module
 from typing import Any, Protocol, cast
 
+from ipm_rs._arguments import check_word
 from ipm_rs._core import Camera
 from ipm_rs.calibration._files import Document, open_document, same_size
 from ipm_rs.calibration._kinds import kind_of
@@ -244,6 +245,7 @@ def load(
     FileError, MissingFileError
         The file cannot be read.
     """
+    check_word("camera", camera)
     document = open_document(path, "", argument="path")
     name = _recognise(document)
     module = reader(name)

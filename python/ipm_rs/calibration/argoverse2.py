@@ -20,6 +20,7 @@ from typing import Any
 
 import numpy as np
 
+from ipm_rs._arguments import check_word
 from ipm_rs._core import Camera
 from ipm_rs.calibration._camera import build
 from ipm_rs.calibration._checks import Section, describe, listed, pinhole, quaternion, rigid
@@ -68,6 +69,7 @@ def read(source: Source, *, camera: str = "ring_front_center", nearest_rotation:
     MissingExtraError
         pyarrow is not installed.
     """
+    check_word("camera", camera)
     if not isinstance(camera, str):
         raise ArgumentTypeError(f"camera: expected a sensor_name, got {describe(camera)}; pass 'ring_front_center'")
     intrinsics, pose = _rows(source, camera)

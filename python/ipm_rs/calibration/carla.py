@@ -23,6 +23,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from ipm_rs._arguments import check_word
 from ipm_rs._core import Camera, flip_handedness_pose, rotation_from_euler
 from ipm_rs.calibration._camera import build
 from ipm_rs.calibration._checks import (
@@ -100,6 +101,7 @@ def read(
     ArgumentError, ArgumentTypeError
         There is no such camera, something was given twice, or an argument has the wrong type.
     """
+    check_word("camera", camera)
     handedness = one_of("handedness", handedness, ("left", "right"))
     place = Section({}, f"{TITLE} camera") if source is None else _sensor(read_json(source, TITLE), camera)
     for name, value, keys in (

@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ipm_rs._arguments import check_word
 from ipm_rs._core import BrownConrady, Camera, KannalaBrandt
 from ipm_rs.calibration._camera import build
 from ipm_rs.calibration._checks import (
@@ -126,6 +127,8 @@ def read(
     ArgumentError, ArgumentTypeError
         There is no such camera or image; an argument has the wrong type.
     """
+    check_word("camera", camera)
+    check_word("image", image)
     document = open_document(source, TITLE)
     pose = None
     if images is not None:

@@ -25,6 +25,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ipm_rs._arguments import check_word
 from ipm_rs._core import BrownConrady, Camera, DoubleSphere, Eucm, KannalaBrandt, Mei
 from ipm_rs.calibration._camera import build
 from ipm_rs.calibration._checks import OPTICAL_FROM_FLU, Section, blame, coefficients, inverse, listed, pinhole, rigid
@@ -117,6 +118,7 @@ def read(
     MissingExtraError
         PyYAML is not installed.
     """
+    check_word("camera", camera)
     chain = _content(source)
     chain.nearest = nearest_rotation
     names = sorted((key for key in chain.content if isinstance(key, str) and _CAMERA.fullmatch(key)), key=_index)

@@ -36,6 +36,7 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
+from ipm_rs._arguments import check_word
 from ipm_rs._core import Camera
 from ipm_rs.calibration._camera import build
 from ipm_rs.calibration._checks import OPTICAL_FROM_FLU, Matrix, Section, describe, inverse, listed, rigid
@@ -94,6 +95,7 @@ def read(
     ArgumentError, ArgumentTypeError
         `camera` or `frame` is none of those above, or an argument has the wrong type.
     """
+    check_word("camera", camera)
     frame = one_of("frame", frame, get_args(Frame))
     index = camera_number(camera, (0, 1, 2, 3))
     if isinstance(source, Mapping):

@@ -24,6 +24,7 @@ from typing import Literal, get_args
 
 import numpy as np
 
+from ipm_rs._arguments import check_word
 from ipm_rs._core import Camera, Mei
 from ipm_rs.calibration._camera import build
 from ipm_rs.calibration._checks import Matrix, Section, blame, image_size, inverse, pinhole, rigid
@@ -81,6 +82,7 @@ def read(
     ArgumentError, ArgumentTypeError
         `camera` or `frame` is none of those above, or an argument has the wrong type.
     """
+    check_word("camera", camera)
     frame = one_of("frame", frame, get_args(Frame))
     files = Files(source, TITLE, nearest=nearest_rotation)
     if camera is None:

@@ -25,6 +25,7 @@ from typing import Literal, get_args
 
 import numpy as np
 
+from ipm_rs._arguments import check_word
 from ipm_rs._core import BrownConrady, Camera
 from ipm_rs.calibration._camera import build
 from ipm_rs.calibration._checks import (
@@ -90,6 +91,7 @@ def read(
     ArgumentError, ArgumentTypeError
         `camera` or `frame` is none of those above, or an argument has the wrong type.
     """
+    check_word("camera", camera)
     frame = one_of("frame", frame, get_args(Frame))
     name = f"{camera_number(camera, (0, 1, 2, 3)):02d}"
     files = Files(source, TITLE, nearest=nearest_rotation)

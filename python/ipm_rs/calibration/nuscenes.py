@@ -28,6 +28,7 @@ from typing import Any
 
 import numpy as np
 
+from ipm_rs._arguments import check_word
 from ipm_rs._core import BrownConrady, Camera
 from ipm_rs.calibration._camera import build
 from ipm_rs.calibration._checks import Section, blame, describe, listed, rigid
@@ -88,6 +89,7 @@ def read(
     ArgumentError, ArgumentTypeError
         `camera` fits no record, several that differ, or was not given for a table; an argument has the wrong type.
     """
+    check_word("camera", camera)
     place = _record(source, camera, sensors)
     place.nearest = nearest_rotation
     place.require(*_KEYS)

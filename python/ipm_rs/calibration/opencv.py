@@ -46,6 +46,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from ipm_rs._arguments import check_word
 from ipm_rs._core import Camera
 from ipm_rs.calibration import _names as names
 from ipm_rs.calibration import _sections, json, kalibr, matlab, ros
@@ -151,6 +152,7 @@ def read(
     MissingExtraError
         PyYAML is not installed.
     """
+    check_word("camera", camera)
     if lens is not None and (not isinstance(lens, str) or lens not in (*LENSES, "pinhole")):
         raise ArgumentError(
             f"lens: expected one of {listed((*LENSES, 'pinhole'))}, got {lens!r:.60}; name OpenCV's module"

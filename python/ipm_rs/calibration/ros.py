@@ -26,6 +26,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from ipm_rs._arguments import check_word
 from ipm_rs._core import BrownConrady, Camera, KannalaBrandt
 from ipm_rs.calibration._camera import build
 from ipm_rs.calibration._checks import Section, blame, coefficients, numbers, rigid
@@ -111,6 +112,8 @@ def read(
     MissingExtraError
         PyYAML is not installed.
     """
+    check_word("image", image)
+    check_word("camera", camera)
     if not isinstance(image, str) or image not in ("raw", "rectified"):
         raise ArgumentError(f"image: expected 'raw' or 'rectified', got {image!r:.60}; say which images will be warped")
     section = content_of(source, camera)

@@ -22,6 +22,7 @@ from typing import Any
 
 import numpy as np
 
+from ipm_rs._arguments import check_word
 from ipm_rs._core import BrownConrady, Camera
 from ipm_rs.calibration._camera import build
 from ipm_rs.calibration._checks import OPTICAL_FROM_FLU, Section, blame, describe, listed, pinhole, pose, rigid
@@ -69,6 +70,7 @@ def read(source: Any, *, camera: str | int | None = None, nearest_rotation: bool
     ArgumentError, ArgumentTypeError
         There is no such camera, or it was not given for several; an argument has the wrong type.
     """
+    check_word("camera", camera)
     place = _plain(_choose(source, camera))
     place.nearest = nearest_rotation
     place.require("intrinsic", "extrinsic", "width", "height")
