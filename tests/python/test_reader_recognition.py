@@ -104,7 +104,7 @@ def test_other_files_are_named(data, said, tmp_path):
 # Large and hostile files
 
 
-KEYS = ",".join(f'"k{i}":0' for i in range(900))
+KEYS = ",".join(f'"k{i}":0' for i in range(500))
 
 
 @pytest.mark.parametrize(
@@ -113,9 +113,9 @@ KEYS = ",".join(f'"k{i}":0' for i in range(900))
         ("log.txt", "P0: 7 2 3\n" * 3_200_000),
         ("list.json", "[" + "1," * 4_000_000 + "1]"),
         ("keys.json", "{" + ",".join(f'"k{i}":0' for i in range(2_000_000)) + "}"),
-        ("near.json", "{" + ",".join(f'"k{i}":0' for i in range(900_000)) + "}"),
-        ("nested.json", "{" + ",".join(f'"s{i}":{{{KEYS}}}' for i in range(900)) + "}"),
-        ("listed.json", "[" + ",".join(f"{{{KEYS}}}" for i in range(900)) + "]"),
+        ("near.json", "{" + ",".join(f'"k{i}":0' for i in range(480_000)) + "}"),
+        ("nested.json", "{" + ",".join(f'"s{i}":{{{KEYS}}}' for i in range(500)) + "}"),
+        ("listed.json", "[" + ",".join(f"{{{KEYS}}}" for i in range(500)) + "]"),
         ("keys.yaml", "".join(f"key{i}: 0\n" for i in range(400_000))),
         ("flow.yaml", "a: [" + "1," * 1_900_000 + "1]\n"),
         ("deep.json", '{"a":' * 100_000),

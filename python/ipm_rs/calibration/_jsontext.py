@@ -10,8 +10,8 @@ from ipm_rs.errors import CalibrationError
 
 __all__ = ["MAX_VALUES", "parse_json"]
 
-MAX_VALUES = 1_000_000
-"""Of one file, counted by its brackets and commas: the tables of whole datasets have a quarter of that."""
+MAX_VALUES = 500_000
+"""Of one file, counted by its brackets and commas: the tables of whole datasets have half of that."""
 
 
 def parse_json(text: str, origin: str) -> Any:
