@@ -13,7 +13,7 @@ use ipm_rs::{
 fn build(criterion: &mut Criterion) {
     let (camera, grid, ground) = (seed_camera(), seed_grid((0.05, 0.025)), Ground::default());
     let lut = Lut::new(&camera, &grid, &ground).expect("the seed job fits");
-    let (map_x, map_y) = lut.maps(f32::NAN);
+    let (map_x, map_y) = lut.maps(f32::NAN).expect("memory");
     let source = lut.source_size();
 
     let mut group = criterion.benchmark_group("lut");
@@ -35,8 +35,10 @@ fn build(criterion: &mut Criterion) {
     group.bench_function("from_maps/f32", |bencher| {
         bencher.iter(|| Lut::from_maps(&map_x, &map_y, grid.columns(), source));
     });
-    group.bench_function("maps", |bencher| bencher.iter(|| lut.maps(f32::NAN)));
-    group.bench_function("to_bytes and back", |bencher| bencher.iter(|| Lut::from_bytes(&lut.to_bytes())));
+    group.bench_function("maps", |bencher| bencher.iter(|| lut.maps(f32::NAN).expect("memory")));
+    group.bench_function("to_bytes and back", |bencher| {
+        bencher.iter(|| Lut::from_bytes(&lut.to_bytes().expect("memory")))
+    });
     group.finish();
 }
 

@@ -63,8 +63,8 @@ impl Isa {
     pub fn active() -> Result<Self> {
         static ACTIVE: OnceLock<Result<Isa>> = OnceLock::new();
         let choose = || match std::env::var_os("IPM_RS_ISA") {
-            Some(name) => Self::parse(&name.to_string_lossy()),
-            None => Ok(Self::available()[Self::available().len() - 1]),
+            Some(name) if !name.is_empty() => Self::parse(&name.to_string_lossy()),
+            _ => Ok(Self::available()[Self::available().len() - 1]),
         };
         ACTIVE.get_or_init(choose).clone()
     }

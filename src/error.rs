@@ -517,6 +517,17 @@ pub enum Error {
         /// The count that came.
         got: usize,
     },
+    /// More threads than can be of use.
+    #[error("threads: expected at most {limit}, got {got}; as many as there are CPUs are enough")]
+    TooManyThreads {
+        /// The count that came.
+        got: usize,
+        /// The limit.
+        limit: usize,
+    },
+    /// The caller was told to stop: see [`interruptible`](crate::interruptible).
+    #[error("interrupted; what was being written is written in part")]
+    Interrupted,
     /// An instruction set that is unknown or that this CPU or build lacks.
     #[error("instruction set: expected one of {available}, got {got:?}; unset IPM_RS_ISA to use the best")]
     Isa {

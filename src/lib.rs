@@ -19,6 +19,7 @@
 //! Frames: vehicle ISO 8855 (x forward, y left, z up, metres), camera optical (x right, y down, z forward), pixel (0, 0)
 //! the centre of the top-left pixel. Transforms are named `dst_from_src`, angles are in radians.
 
+mod buffer;
 mod camera;
 pub mod cloud;
 mod cpu;
@@ -46,6 +47,6 @@ pub use ground::{Ground, HeightMap, Plane};
 pub use half::F16;
 pub use image::{ImageView, ImageViewMut, Sample};
 pub use lut::Lut;
-pub use parallel::{num_threads, set_num_threads};
+pub use parallel::{interruptible, num_threads, set_num_threads};
 pub use warp::direct::{BorderMode, Mapping, inverse_homography, warp_direct_into, warp_direct_nearest_into};
 pub use warp::{Bilinear, Interpolation, WarpOptions};

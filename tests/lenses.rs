@@ -183,8 +183,8 @@ fn no_ghosts(camera: &Camera) -> usize {
     let grid = BevGrid::new((-30.0, 30.0), (-30.0, 30.0), (0.25, 0.25), SampleAt::Center).unwrap();
     let ground = Ground::default();
     let lut = Lut::new(camera, &grid, &ground).unwrap();
-    let (map_x, map_y) = lut.maps(f32::NAN);
-    let mask = lut.mask();
+    let (map_x, map_y) = lut.maps(f32::NAN).unwrap();
+    let mask = lut.mask().unwrap();
     for cell in (0..mask.len()).filter(|&cell| mask[cell]) {
         let (row, column) = (cell / grid.columns(), cell % grid.columns());
         let [x, y] = grid.ground_from_cell([row as f64, column as f64]);

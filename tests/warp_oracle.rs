@@ -95,7 +95,7 @@ fn compare<T: Tolerance>(
     let border: Vec<T> = (0..channels).map(|channel| T::from_byte(50 * (channel as u8 + 1) % 251)).collect();
     let exact_border: Vec<f64> = border.iter().map(|&value| value.into()).collect();
     let range: f64 = (T::from_byte(255).into() - T::from_byte(0).into()).abs();
-    let mask = lut.mask();
+    let mask = lut.mask().unwrap();
     let (mut valid, mut halo) = (0, 0);
     for interpolation in [Interpolation::Nearest, Interpolation::Bilinear] {
         let options = WarpOptions { interpolation, border_value: border.clone(), threads: Some(2), isa: None };
@@ -317,7 +317,7 @@ proptest! {
         compare::<i8>(&lut, at, channels);
         compare::<i16>(&lut, at, channels);
         prop_assert!(lut.nbytes() <= 12 * map_x.len() + 16);
-        prop_assert_eq!(Lut::from_bytes(&lut.to_bytes()).unwrap(), lut);
+        prop_assert_eq!(Lut::from_bytes(&lut.to_bytes().unwrap()).unwrap(), lut);
     }
 
     #[test]

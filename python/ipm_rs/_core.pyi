@@ -2063,16 +2063,19 @@ def cpu_info() -> _CpuInfo:
 def get_num_threads() -> int:
     """How many threads a call uses when it does not say.
 
-    That of `set_num_threads`, else of the environment variable IPM_RS_NUM_THREADS, else the CPUs that the process may
-    use.
+    That of `set_num_threads`, else of the environment variable IPM_RS_NUM_THREADS if it is a whole number from 1 to 1024
+    (anything else is warned of when the package is imported), else the CPUs that the process may use.
     """
 
 def set_num_threads(n: SupportsIndex) -> None:
-    """Sets how many threads a call uses when it does not say.
+    """Sets how many threads a call uses when it does not say, and the most that any call uses.
+
+    Threads beyond that are given back as soon as no call needs them. `threads=` of a call says "at most": larger numbers
+    than this one are as good as None.
 
     Args:
-        n: at least 1.
+        n: from 1 to 1024.
 
     Raises:
-        ArgumentError, ArgumentTypeError: it is not a whole number of at least 1.
+        ArgumentError, ArgumentTypeError: it is not a whole number from 1 to 1024.
     """

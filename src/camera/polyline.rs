@@ -4,8 +4,10 @@ use nalgebra::Vector3;
 
 use super::trace::Tracer;
 use super::{Camera, check_tracing};
+use crate::buffer;
 use crate::error::Result;
 use crate::ground::Ground;
+use crate::parallel::check_interrupt;
 
 /// Angle, radians, seen from the camera, that a part of a line behind a lens has at most: it is asked for at both ends
 /// and at three places between, so nothing that is wider than a quarter of it is overlooked.
@@ -26,6 +28,7 @@ impl Camera {
         check_tracing(margin, tolerance)?;
         let mut tracer = Tracer::new(self.image_size(), margin, tolerance);
         for ends in points.windows(2) {
+            check_interrupt()?;
             self.segment(&mut tracer, &ends[0], &ends[1])?;
         }
         Ok(tracer.finish())
@@ -45,13 +48,14 @@ impl Camera {
     ) -> Result<Vec<Vec<[f64; 2]>>> {
         let lift = |[x, y]: [f64; 2]| Vector3::new(x, y, ground.height_at(x, y));
         let Ground::HeightMap(map) = ground else {
-            let points: Vec<_> = points.iter().copied().map(lift).collect();
+            let points = buffer::collected("points", points.iter().copied().map(lift))?;
             return self.project_polyline(&points, margin, tolerance);
         };
         check_tracing(margin, tolerance)?;
         let mut tracer = Tracer::new(self.image_size(), margin, tolerance);
         let eye = self.position();
         for ends in points.windows(2) {
+            check_interrupt()?;
             let [start, end] = [ends[0], ends[1]];
             let Some(over) = map.over(start, end) else {
                 tracer.cut();

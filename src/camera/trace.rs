@@ -1,6 +1,11 @@
 //! Images of curves, as polylines that stay within a tolerance of them.
 
+use crate::buffer;
 use crate::error::{Error, Result};
+use crate::parallel::check_interrupt;
+
+/// What memory is asked for, in errors.
+const WHAT: &str = "polyline";
 
 /// A pixel.
 pub(super) type Pixel = [f64; 2];
@@ -58,9 +63,8 @@ impl Tracer {
         for part in 1..=parts {
             let t = if part == parts { 1.0 } else { part as f64 / parts as f64 };
             let end = (t, image(t));
-            if !self.part(start, end, DEEPEST, image) {
-                return Err(Error::Winding { tolerance: self.tolerance });
-            }
+            check_interrupt()?;
+            self.part(start, end, DEEPEST, image)?;
             start = end;
         }
         Ok(())
@@ -88,35 +92,34 @@ impl Tracer {
         self.open = false;
     }
 
-    /// Gathers a part of a curve; false where that takes more halvings than are left.
+    /// Gathers a part of a curve, if that takes no more halvings than are left.
     fn part(
         &mut self,
         start: (f64, Option<Pixel>),
         end: (f64, Option<Pixel>),
         depth: u32,
         image: &impl Fn(f64) -> Option<Pixel>,
-    ) -> bool {
+    ) -> Result<()> {
         let at = |part: f64| start.0 + (end.0 - start.0) * part;
         let between = [0.25, 0.5, 0.75].map(|part| image(at(part)));
         if let (Some(a), Some(b), [Some(p), Some(q), Some(r)]) = (start.1, end.1, between) {
             if self.misses([a, p, q, r, b]) {
                 self.open = false;
-                return true;
+                return Ok(());
             }
             let straight = [p, q, r].iter().all(|point| from_line(point, &a, &b) <= self.tolerance);
             let near = [a, b].as_flattened().iter().all(|coordinate| coordinate.abs() <= self.far);
             if (straight && near) || depth == 0 {
-                self.line(a, b);
-                return true;
+                return self.line(a, b);
             }
         } else if depth == 0 || (start.1.is_none() && end.1.is_none() && between.iter().all(Option::is_none)) {
             self.open = false;
-            return true;
+            return Ok(());
         }
-        let Some(left) = self.left.checked_sub(1) else { return false };
-        self.left = left;
+        self.left = self.left.checked_sub(1).ok_or(Error::Winding { tolerance: self.tolerance })?;
         let middle = (at(0.5), between[1]);
-        self.part(start, middle, depth - 1, image) && self.part(middle, end, depth - 1, image)
+        self.part(start, middle, depth - 1, image)?;
+        self.part(middle, end, depth - 1, image)
     }
 
     /// Whether points all lie beyond one side of the rectangle, so that what is between them does too.
@@ -128,7 +131,7 @@ impl Tracer {
     }
 
     /// Gathers a straight line (Liang and Barsky's clipping).
-    pub(super) fn line(&mut self, a: Pixel, b: Pixel) {
+    pub(super) fn line(&mut self, a: Pixel, b: Pixel) -> Result<()> {
         let (mut from, mut to) = (0.0_f64, 1.0_f64);
         for axis in 0..2 {
             let length = b[axis] - a[axis];
@@ -146,7 +149,7 @@ impl Tracer {
         }
         if from > to {
             self.open = false;
-            return;
+            return Ok(());
         }
         let at = |t: f64| {
             let point = [0, 1].map(|axis| a[axis] + (b[axis] - a[axis]) * t);
@@ -161,14 +164,15 @@ impl Tracer {
                     piece.pop();
                     piece.push(end);
                 }
-                _ if end != start => piece.push(end),
+                _ if end != start => buffer::push(WHAT, piece, end)?,
                 _ => {}
             },
             // what only touches a corner is no line
-            _ if end != start => self.pieces.push(vec![start, end]),
+            _ if end != start => buffer::push(WHAT, &mut self.pieces, buffer::copied(WHAT, &[start, end])?)?,
             _ => {}
         }
         self.open = to >= 1.0;
+        Ok(())
     }
 }
 

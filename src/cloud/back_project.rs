@@ -5,6 +5,7 @@ use nalgebra::Matrix3;
 use super::kernels::{self, PinholeRays, Planar, PointsRow, Rotate, Unit};
 use super::rays::{self, PixelRays, Viewpoint};
 use super::{DepthSample, PointSample};
+use crate::buffer;
 use crate::camera::Camera;
 use crate::cpu::Isa;
 use crate::error::{Error, Result};
@@ -92,12 +93,12 @@ pub fn points_from_depth_into<'a, T: DepthSample, O: PointSample>(
     }
     let band = parallel::rows_per_band(height, width, job.threads);
     parallel::for_each(job.threads, out.bands(band), |(first, rows)| {
-        let mut row = job.row();
+        let mut row = job.row()?;
         for (y, out) in (first..).zip(rows) {
             job.points(y, &mut row, out);
         }
-    });
-    Ok(())
+        Ok(())
+    })
 }
 
 /// The points of a depth image that are some, without the pixels that have none.
@@ -123,19 +124,20 @@ pub fn cloud_from_depth<'a, T: DepthSample, O: PointSample>(
     let job = Job::new(depth, viewpoint.into(), frame_from_camera, mask, options)?;
     let (width, height) = job.size;
     let mut cloud = DepthCloud {
-        points: super::filled("points", width * height, [O::default(); 3])?,
-        index: super::filled("index", width * height, 0)?,
+        points: buffer::filled("points", width * height, [O::default(); 3])?,
+        index: buffer::filled("index", width * height, 0)?,
     };
     // each band has room for all of its pixels; then what they left empty is closed
     let rows = parallel::rows_per_band(height, width, job.threads);
-    let mut counts = vec![0; height.div_ceil(rows)];
+    let mut counts = buffer::zeroed("points", height.div_ceil(rows))?;
     let bands = cloud.points.chunks_mut(rows * width).zip(cloud.index.chunks_mut(rows * width)).zip(&mut counts);
     parallel::for_each(job.threads, bands.enumerate(), |(band, ((points, index), count))| {
-        *count = job.cloud(band * rows, points, index);
-    });
+        *count = job.cloud(band * rows, points, index)?;
+        Ok(())
+    })?;
     let mut end = 0;
     for (band, count) in counts.into_iter().enumerate() {
-        let start = band * rows * width;
+        let (start, count) = (band * rows * width, count as usize);
         if start != end {
             cloud.points.copy_within(start..start + count, end);
             cloud.index.copy_within(start..start + count, end);
@@ -218,9 +220,9 @@ impl<'a, T: DepthSample> Job<'a, T> {
         })
     }
 
-    fn row(&self) -> Row<T> {
-        let width = self.size.0;
-        Row { rays: std::array::from_fn(|_| vec![0.0; width]), depth: Vec::with_capacity(width) }
+    fn row(&self) -> Result<Row<T>> {
+        let axis = || buffer::zeroed("points", self.size.0);
+        Ok(Row { rays: [axis()?, axis()?, axis()?], depth: buffer::reserved("points", self.size.0)? })
     }
 
     /// Fills `out` with the points of row y of the result.
@@ -273,10 +275,10 @@ impl<'a, T: DepthSample> Job<'a, T> {
 
     /// The points of the result's rows from `first` on, as many rows as there is room for, brought together at the front.
     /// Returns how many points they are.
-    fn cloud<O: PointSample>(&self, first: usize, points: &mut [[O; 3]], index: &mut [i64]) -> usize {
+    fn cloud<O: PointSample>(&self, first: usize, points: &mut [[O; 3]], index: &mut [i64]) -> Result<u64> {
         let (width, stride) = (self.size.0, self.options.stride);
-        let mut row = self.row();
-        let mut organised = vec![[O::default(); 3]; width];
+        let mut row = self.row()?;
+        let mut organised = buffer::filled("points", width, [O::default(); 3])?;
         let mut count = 0;
         for y in first..first + points.len() / width {
             self.points(y, &mut row, organised.as_flattened_mut());
@@ -288,7 +290,7 @@ impl<'a, T: DepthSample> Job<'a, T> {
                 count += usize::from(!point[2].to_f64().is_nan());
             }
         }
-        count
+        Ok(count as u64)
     }
 }
 

@@ -105,8 +105,8 @@ pub fn decode_carla_depth_into(
                 ChannelOrder::Rgb => kernels::run(isa, Decode::<3, true> { pixels, scale, out }),
             }
         }
-    });
-    Ok(())
+        Ok(())
+    })
 }
 
 /// Encodes depth as a colour image, alpha 255: the nearest code, and the largest one for all that is farther than it
@@ -147,7 +147,8 @@ pub fn encode_carla_depth_into<T: super::PointSample>(
                 valid.store(false, std::sync::atomic::Ordering::Relaxed);
             }
         }
-    });
+        Ok(())
+    })?;
     if valid.into_inner() {
         return Ok(());
     }

@@ -7,8 +7,10 @@
 use nalgebra::Matrix3;
 
 use super::PointSample;
+use crate::buffer;
 use crate::error::{Error, Result};
 use crate::image::ImageView;
+use crate::parallel::check_interrupt;
 
 /// Metres of depth 1.
 const FAR: f64 = 1000.0;
@@ -34,11 +36,12 @@ pub fn depth_to_lidar<T: PointSample>(
 ) -> Result<LidarPoints<T>> {
     let inverse = checked(normalized, k)?;
     let (width, height) = (normalized.width(), normalized.height());
-    let mut points = super::filled("points", 3 * width * height, 0.0)?;
-    let mut metres = super::reserved("points", width * height)?;
+    let mut points = buffer::filled("points", 3 * width * height, 0.0)?;
+    let mut metres = buffer::reserved("points", width * height)?;
     let (forward, rest) = points.split_at_mut(width * height);
     let (left, up) = rest.split_at_mut(width * height);
     for y in 0..height {
+        check_interrupt()?;
         for x in 0..width {
             let number = normalized.pixel(x, y)[0];
             let far = number.to_f64() > max_depth;
@@ -65,9 +68,10 @@ pub fn carla_084_points<T: PointSample>(
 ) -> Result<(Vec<[f64; 3]>, Vec<i64>)> {
     let inverse = checked(normalized, k)?;
     let (width, height) = (normalized.width(), normalized.height());
-    let mut points = super::reserved("points", width * height)?;
-    let mut index = super::reserved("points", width * height)?;
+    let mut points = buffer::reserved("points", width * height)?;
+    let mut index = buffer::reserved("points", width * height)?;
     for y in 0..height {
+        check_interrupt()?;
         for x in 0..width {
             let number = normalized.pixel(x, y)[0];
             if number.to_f64() > max_depth {

@@ -43,21 +43,6 @@ pub(crate) fn check_points(what: &'static str, (width, height): (usize, usize), 
     if got <= MAX_POINTS { Ok(()) } else { Err(Error::TooManyPoints { what, got, limit: MAX_POINTS, mend }) }
 }
 
-/// A number of elements whose buffer can be had, or an error.
-pub(crate) fn reserved<T>(what: &'static str, count: usize) -> Result<Vec<T>> {
-    let mut buffer = Vec::new();
-    let refuse = |_| Error::OutOfMemory { what, bytes: count.saturating_mul(size_of::<T>()) };
-    buffer.try_reserve_exact(count).map_err(refuse)?;
-    Ok(buffer)
-}
-
-/// A buffer of so many equal elements.
-fn filled<T: Clone>(what: &'static str, count: usize, value: T) -> Result<Vec<T>> {
-    let mut buffer = reserved(what, count)?;
-    buffer.resize(count, value);
-    Ok(buffer)
-}
-
 /// fx, fy, cx, cy, skew.
 fn intrinsics(camera: &Camera) -> [f64; 5] {
     let k = camera.intrinsics();

@@ -42,8 +42,8 @@ pub fn project_into<T: PointSample>(
     let outs = out.uv.chunks_mut(CHUNK).zip(out.depth.chunks_mut(CHUNK)).zip(out.valid.chunks_mut(CHUNK));
     parallel::for_each(threads, outs.enumerate(), |(chunk, ((uv, depth), valid))| {
         project_chunk(isa, camera, points, chunk * CHUNK, Projections { uv, depth, valid });
-    });
-    Ok(())
+        Ok(())
+    })
 }
 
 /// Projects the points from `first` on, as many as `out` takes.
@@ -55,7 +55,7 @@ pub(super) fn project_chunk<T: PointSample>(
     out: Projections<'_>,
 ) {
     /// Points that lie otherwise than one after the other are brought together, so many at a time.
-    const TOGETHER: usize = 256;
+    const TOGETHER: usize = 128;
     let count = out.uv.len();
     if let Some(points) = points.chunks::<3>(first, count) {
         project_dense(isa, camera, points, out);

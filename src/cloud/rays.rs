@@ -1,5 +1,6 @@
 //! The rays of a camera's pixels, worked out once.
 
+use crate::buffer;
 use crate::camera::Camera;
 use crate::error::Result;
 use crate::parallel;
@@ -23,13 +24,14 @@ impl PixelRays {
         let (width, height) = (camera.image_size().0 as usize, camera.image_size().1 as usize);
         super::check_points("camera", (width, height), "use camera.resized()")?;
         let threads = super::threads_for(threads, width * height * 256)?;
-        let column = || super::filled("rays", width * height, 0.0);
+        let column = || buffer::zeroed("rays", width * height);
         let mut rays = [column()?, column()?, column()?];
         let [xs, ys, zs] = &mut rays;
         let rows = xs.chunks_mut(width).zip(ys.chunks_mut(width)).zip(zs.chunks_mut(width));
         parallel::for_each(threads, rows.enumerate(), |(y, ((xs, ys), zs))| {
             fill(camera, y, 1, [xs, ys, zs]);
-        });
+            Ok(())
+        })?;
         Ok(Self { camera: *camera, rays })
     }
 

@@ -4,6 +4,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use super::project::project_chunk;
 use super::{DepthKind, PointSample, PointsView, Projections};
+use crate::buffer;
 use crate::camera::Camera;
 use crate::cpu::Isa;
 use crate::error::{Error, Result};
@@ -18,6 +19,10 @@ const EMPTY: u64 = 0x7fc0_0000_ffff_ffff;
 
 /// Points of one job.
 const CHUNK: usize = 1 << 10;
+
+/// Points that are projected and drawn together. What is made of them is 6 KB on the stack, of which some threads have
+/// no more than 32.
+const TOGETHER: usize = 1 << 7;
 
 /// How points are drawn.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -71,24 +76,28 @@ pub fn render_points_into<T: PointSample>(
     }
     let isa = Isa::active()?;
     let threads = super::threads_for(options.threads, points.len().saturating_mul(64) + width * height)?;
-    let mut nearest: Vec<AtomicU64> = super::reserved("depth", width * height)?;
+    let mut nearest: Vec<AtomicU64> = buffer::reserved("depth", width * height)?;
     nearest.resize_with(width * height, || AtomicU64::new(EMPTY));
     let canvas = Canvas { nearest: &nearest, width, height, alone: threads == 1 };
     let chunks = (0..points.len()).step_by(CHUNK);
     parallel::for_each(threads, chunks, |first| {
-        let count = CHUNK.min(points.len() - first);
-        let (mut uv, mut distance, mut valid) = ([[0.0; 2]; CHUNK], [0.0; CHUNK], [false; CHUNK]);
-        let out = Projections { uv: &mut uv[..count], depth: &mut distance[..count], valid: &mut valid[..count] };
-        project_chunk(isa, camera, points, first, out);
-        if options.kind == DepthKind::Ray {
-            for (i, distance) in distance[..count].iter_mut().enumerate() {
-                let row = points.row(first + i);
-                let [x, y, z] = [0, 1, 2].map(|axis| row[axis].to_f64() - camera.position()[axis]);
-                *distance = (x * x + y * y + z * z).sqrt();
+        let end = points.len().min(first + CHUNK);
+        for first in (first..end).step_by(TOGETHER) {
+            let count = TOGETHER.min(end - first);
+            let (mut uv, mut distance, mut valid) = ([[0.0; 2]; TOGETHER], [0.0; TOGETHER], [false; TOGETHER]);
+            let out = Projections { uv: &mut uv[..count], depth: &mut distance[..count], valid: &mut valid[..count] };
+            project_chunk(isa, camera, points, first, out);
+            if options.kind == DepthKind::Ray {
+                for (i, distance) in distance[..count].iter_mut().enumerate() {
+                    let row = points.row(first + i);
+                    let [x, y, z] = [0, 1, 2].map(|axis| row[axis].to_f64() - camera.position()[axis]);
+                    *distance = (x * x + y * y + z * z).sqrt();
+                }
             }
+            canvas.draw(&uv[..count], &distance[..count], first, &splat);
         }
-        canvas.draw(&uv[..count], &distance[..count], first, &splat);
-    });
+        Ok(())
+    })?;
     let band = parallel::rows_per_band(height, width, threads);
     let bands = depth.bands(band).zip(index.bands(band));
     parallel::for_each(threads, bands, |((first, depths), (_, indices))| {
@@ -101,8 +110,8 @@ pub fn render_points_into<T: PointSample>(
                 *index = if key == EMPTY { NO_POINT } else { number };
             }
         }
-    });
-    Ok(())
+        Ok(())
+    })
 }
 
 /// Which pixels around its own a point covers.
@@ -126,7 +135,9 @@ impl Splat {
             return refuse("max_depth", "metres above min_depth", max_depth);
         }
         let half = |row: i64| (radius * radius - (row * row) as f64).max(0.0).sqrt().floor() as i64;
-        Ok(Self { reach: (0..=radius.floor() as i64).map(half).collect(), limits: (min_depth, max_depth) })
+        let rows = radius.floor() as usize + 1;
+        let reach = buffer::collected("radius", (0..rows).map(|row| half(row as i64)))?;
+        Ok(Self { reach, limits: (min_depth, max_depth) })
     }
 }
 
@@ -151,7 +162,7 @@ impl Canvas<'_> {
     /// Draws neighbouring points, `first` being the number of the first of them; what has no image has NaN for a pixel.
     fn draw(&self, uv: &[[f64; 2]], distances: &[f64], first: usize, splat: &Splat) {
         // those that are drawn, brought together without a branch for each: which ones they are is hard to guess
-        let mut drawn = [(0.0, 0.0, 0); CHUNK];
+        let mut drawn = [(0.0, 0.0, 0); TOGETHER];
         let mut count = 0;
         let (least, most) = splat.limits;
         let reach = splat.reach.len() as f64 - 0.5;
@@ -228,6 +239,6 @@ pub fn paint_into<T: Sample>(
                 }
             }
         }
-    });
-    Ok(())
+        Ok(())
+    })
 }

@@ -2,7 +2,12 @@
 
 use nalgebra::{DMatrix, Matrix3, SMatrix, SVector, Vector3};
 
+use crate::buffer;
 use crate::error::{Error, Result, finite};
+use crate::parallel::check_interrupt;
+
+/// What memory is asked for, in errors.
+const WHAT: &str = "points";
 
 /// Points nearer to a line than this part of their spread lie on it: what lies off it by less may as well be a
 /// misplaced click.
@@ -48,9 +53,9 @@ pub fn homography_from_points(image: &[[f64; 2]], ground: &[[f64; 2]]) -> Result
     }
     let (image, to_image) = normalised("image_points", image)?;
     let (ground, to_ground) = normalised("ground_points", ground)?;
-    let pairs: Vec<_> = image.into_iter().zip(ground).collect();
+    let pairs = buffer::collected(WHAT, image.into_iter().zip(ground))?;
     let start = linear(&pairs)?;
-    let h = refined(&pairs, oriented(&pairs, start)?);
+    let h = refined(&pairs, oriented(&pairs, start)?)?;
     let pixel = |v: Vector3<f64>| [v.x / v.z, v.y / v.z];
     // a pixel is to_image's inverse of a normalised one: a scale and a shift
     let scale = to_image[(0, 0)];
@@ -58,7 +63,7 @@ pub fn homography_from_points(image: &[[f64; 2]], ground: &[[f64; 2]]) -> Result
         let [u, v] = pixel(h * Vector3::new(ground[0], ground[1], 1.0));
         (u - image[0]).hypot(v - image[1]) / scale
     });
-    let errors = errors.collect();
+    let errors = buffer::collected(WHAT, errors)?;
     let from_normal = to_image.try_inverse().expect("a scale that is not 0 and a shift");
     Ok(GroundHomography { image_from_ground: from_normal * h * to_ground, errors })
 }
@@ -75,7 +80,8 @@ fn normalised(what: &'static str, points: &[[f64; 2]]) -> Result<(Vec<[f64; 2]>,
         let got = format!("{} that coincide or are beyond all measure", points.len());
         return Err(Error::Points { what, expected: "points apart", got });
     }
-    let moved: Vec<_> = points.iter().map(|p| [0, 1].map(|axis| (p[axis] - centre[axis]) * scale)).collect();
+    let moved = points.iter().map(|p| [0, 1].map(|axis| (p[axis] - centre[axis]) * scale));
+    let moved = buffer::collected(WHAT, moved)?;
     check_spread(what, &moved)?;
     let matrix = Matrix3::new(scale, 0.0, -scale * centre[0], 0.0, scale, -scale * centre[1], 0.0, 0.0, 1.0);
     Ok((moved, matrix))
@@ -83,7 +89,7 @@ fn normalised(what: &'static str, points: &[[f64; 2]]) -> Result<(Vec<[f64; 2]>,
 
 /// Refuses points of which no four are such that no three lie on a line: then all but one lie on one.
 fn check_spread(what: &'static str, points: &[[f64; 2]]) -> Result<()> {
-    let mut distinct: Vec<usize> = Vec::new();
+    let mut distinct: Vec<usize> = buffer::reserved(WHAT, points.len())?;
     let mut twin = (0, 0);
     for (index, point) in points.iter().enumerate() {
         // the first four are enough to try lines through; later twins do no harm
@@ -123,7 +129,8 @@ fn distance(a: &[f64; 2], b: &[f64; 2]) -> f64 {
 /// The homography of least algebraic error.
 fn linear(pairs: &[([f64; 2], [f64; 2])]) -> Result<Matrix3<f64>> {
     // two equations a pair; at least nine rows, so that there are nine singular vectors
-    let mut equations = DMatrix::<f64>::zeros((2 * pairs.len()).max(9), 9);
+    let rows = (2 * pairs.len()).max(9);
+    let mut equations = DMatrix::from_vec(rows, 9, buffer::zeroed(WHAT, 9 * rows)?);
     for (pair, &([u, v], [x, y])) in pairs.iter().enumerate() {
         let rows = [[x, y, 1.0, 0.0, 0.0, 0.0, -u * x, -u * y, -u], [0.0, 0.0, 0.0, x, y, 1.0, -v * x, -v * y, -v]];
         for (row, entries) in rows.iter().enumerate() {
@@ -174,11 +181,12 @@ fn oriented(pairs: &[([f64; 2], [f64; 2])], h: Matrix3<f64>) -> Result<Matrix3<f
 
 /// Levenberg-Marquardt on the sum of squared distances in the image, from a homography with 1 as its last entry, which
 /// stays: it is the third component at the points' centre, positive for every answer that counts.
-fn refined(pairs: &[([f64; 2], [f64; 2])], start: Matrix3<f64>) -> Matrix3<f64> {
+fn refined(pairs: &[([f64; 2], [f64; 2])], start: Matrix3<f64>) -> Result<Matrix3<f64>> {
     const STEPS: usize = 60;
     let (mut h, mut damping) = (start, 1e-6);
     let mut cost = cost_of(pairs, &h);
     for _ in 0..STEPS {
+        check_interrupt()?;
         let (mut normal, mut gradient) = (SMatrix::<f64, 8, 8>::zeros(), SVector::<f64, 8>::zeros());
         for &([u, v], [x, y]) in pairs {
             let q = h * Vector3::new(x, y, 1.0);
@@ -218,7 +226,7 @@ fn refined(pairs: &[([f64; 2], [f64; 2])], start: Matrix3<f64>) -> Matrix3<f64> 
             damping = f64::max(damping * 10.0, 1e-12);
         }
     }
-    h
+    Ok(h)
 }
 
 /// Sum of squared distances; infinite where a point is not in front.

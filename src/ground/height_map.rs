@@ -39,7 +39,7 @@ impl HeightMap {
     /// # Errors
     /// [`Error::HeightMap`] where there are fewer than two nodes along an axis, another number of heights than nodes, no
     /// known height, or a spacing of zero; [`Error::NoData`] for a number that stands for "no data" in elevation files;
-    /// [`Error::NotFinite`].
+    /// [`Error::NotFinite`], [`Error::OutOfMemory`].
     pub fn new(heights: Vec<f64>, columns: usize, origin: (f64, f64), spacing: (f64, f64)) -> Result<Self> {
         let rows = heights.len().checked_div(columns).unwrap_or(0);
         if rows < 2 || columns < 2 || rows * columns != heights.len() {
@@ -66,7 +66,7 @@ impl HeightMap {
         if range.0 > range.1 {
             return Err(Error::HeightMap { expected: "at least one known height", got: "NaN alone".to_owned() });
         }
-        let peaks = Peaks::new(&heights, columns, spacing);
+        let peaks = Peaks::new(&heights, columns, spacing)?;
         Ok(Self { heights, rows, columns, origin, spacing, range, peaks })
     }
 

@@ -1,5 +1,9 @@
 //! How high and how steep a height map gets, so that rays leap over what lies below them.
 
+use crate::buffer;
+use crate::error::Result;
+use crate::parallel::check_interrupt;
+
 /// The highest road in blocks of 2 x 2 patches, 4 x 4, 8 x 8, ... up to the whole map (a maximum mipmap: Tevs, Ihrke and
 /// Seidel 2008).
 #[derive(Debug, Clone)]
@@ -18,20 +22,20 @@ struct Level {
 
 impl Peaks {
     /// Of heights with `columns` nodes to a row.
-    pub(super) fn new(heights: &[f64], columns: usize, spacing: (f64, f64)) -> Self {
+    pub(super) fn new(heights: &[f64], columns: usize, spacing: (f64, f64)) -> Result<Self> {
         let rows = heights.len() / columns;
         let node = |i: usize, j: usize| heights[i.min(rows - 1) * columns + j.min(columns - 1)];
         // the nodes of 2 x 2 patches are 3 x 3; NaN is less than any height
-        let first = level((rows - 1).div_ceil(2), (columns - 1).div_ceil(2), 3, |i, j| (2 * i, 2 * j), node);
+        let first = level((rows - 1).div_ceil(2), (columns - 1).div_ceil(2), 3, |i, j| (2 * i, 2 * j), node)?;
         let mut levels = vec![first];
         while let Some(last) = levels.last().filter(|last| last.highest.len() > 1) {
             let (below, below_columns) = (&last.highest, last.columns);
             let below_rows = below.len() / below_columns;
             let block = |i: usize, j: usize| below[i.min(below_rows - 1) * below_columns + j.min(below_columns - 1)];
-            let next = level(below_rows.div_ceil(2), below_columns.div_ceil(2), 2, |i, j| (2 * i, 2 * j), block);
+            let next = level(below_rows.div_ceil(2), below_columns.div_ceil(2), 2, |i, j| (2 * i, 2 * j), block)?;
             levels.push(next);
         }
-        Self { levels, steepest: steepest(heights, columns, spacing) }
+        Ok(Self { levels, steepest: steepest(heights, columns, spacing) })
     }
 
     /// The largest level.
@@ -55,16 +59,17 @@ fn level(
     side: usize,
     corner: impl Fn(usize, usize) -> (usize, usize),
     value: impl Fn(usize, usize) -> f64,
-) -> Level {
-    let mut highest = Vec::with_capacity(rows * columns);
+) -> Result<Level> {
+    let mut highest = buffer::reserved("heights", rows * columns)?;
     for row in 0..rows {
+        check_interrupt()?;
         for column in 0..columns {
             let (i, j) = corner(row, column);
             let values = (0..side).flat_map(|down| (0..side).map(move |right| (i + down, j + right)));
             highest.push(values.map(|(i, j)| value(i, j)).fold(f64::NEG_INFINITY, f64::max));
         }
     }
-    Level { columns, highest }
+    Ok(Level { columns, highest })
 }
 
 /// On a bilinear patch each partial slope lies between those of two of its edges, and the slope in any direction is at
@@ -87,7 +92,7 @@ mod tests {
         let (rows, columns) = (11, 14);
         let heights: Vec<f64> =
             (0..rows * columns).map(|k| if k == 40 { f64::NAN } else { ((k * 7919) % 101) as f64 }).collect();
-        let peaks = Peaks::new(&heights, columns, (1.0, 1.0));
+        let peaks = Peaks::new(&heights, columns, (1.0, 1.0)).unwrap();
         for level in 1..=peaks.top() {
             for i in 0..rows - 1 {
                 for j in 0..columns - 1 {
@@ -103,6 +108,6 @@ mod tests {
         assert_eq!(peaks.highest(peaks.top(), 0, 0), 100.0);
         assert_eq!(peaks.steepest, f64::INFINITY);
         let plane: Vec<f64> = (0..20).map(|k| 3.0 * f64::from(k / 5) * 0.5 - 4.0 * f64::from(k % 5) * 0.25).collect();
-        assert!((Peaks::new(&plane, 5, (0.5, -0.25)).steepest - 5.0).abs() < 1e-12);
+        assert!((Peaks::new(&plane, 5, (0.5, -0.25)).unwrap().steepest - 5.0).abs() < 1e-12);
     }
 }

@@ -47,7 +47,7 @@ impl Lut {
     /// IPM_RS_ISA names no instruction set that is available. Camera, grid and ground were checked when they were made.
     pub fn new(camera: &Camera, grid: &BevGrid, ground: &Ground) -> Result<Self> {
         let isa = Isa::active()?;
-        let ys: Row = (0..grid.columns()).map(|column| grid.y_of_column(column as f64)).collect();
+        let ys = Row::collected((0..grid.columns()).map(|column| grid.y_of_column(column as f64)))?;
         let (shape, intrinsics) = ((grid.rows(), grid.columns()), camera.intrinsics());
         let table = match ground {
             Ground::Plane(plane) => {
@@ -63,25 +63,25 @@ impl Lut {
                         let (row, seen) = row_and_seen(row);
                         let (us, vs) = (&mut us[seen.clone()], &mut vs[seen.clone()]);
                         row.projected(&intrinsics).fill(isa, &ys[seen.clone()], us, vs);
-                        seen
+                        Ok(seen)
                     }),
                     Some(lens) => {
-                        let offsets = Offsets::along(&step, &ys);
+                        let offsets = Offsets::along(&step, &ys)?;
                         Table::build(shape, camera.image_size(), isa, |row, us, vs| {
                             let (row, seen) = row_and_seen(row);
                             let (us, vs) = (&mut us[seen.clone()], &mut vs[seen.clone()]);
                             let row = BentRow { origin: row.origin, step: row.step, intrinsics, lens };
                             row.fill(isa, offsets.of(seen.clone()), us, vs);
-                            seen
+                            Ok(seen)
                         })
                     }
                 }
             }
             Ground::HeightMap(map) => {
-                let surface = Surface::new(camera, map, &ys);
+                let surface = Surface::new(camera, map, &ys)?;
                 Table::build(shape, camera.image_size(), isa, |row, us, vs| {
-                    surface.fill(isa, grid.x_of_row(row as f64), us, vs);
-                    0..us.len()
+                    surface.fill(isa, grid.x_of_row(row as f64), us, vs)?;
+                    Ok(0..us.len())
                 })
             }
         }?;
@@ -112,7 +112,7 @@ impl Lut {
             let cells = row * columns..(row + 1) * columns;
             us.iter_mut().zip(&map_x[cells.clone()]).for_each(|(u, &map)| *u = map.into());
             vs.iter_mut().zip(&map_y[cells]).for_each(|(v, &map)| *v = map.into());
-            0..columns
+            Ok(0..columns)
         })?;
         Ok(Self { table })
     }
@@ -128,10 +128,10 @@ impl Lut {
         let size = check_image_size("size", size.0.into(), size.1.into())?;
         let source = check_image_size("source_size", source_size.0.into(), source_size.1.into())?;
         let isa = Isa::active()?;
-        let columns: Row = (0..size.0).map(f64::from).collect();
+        let columns = Row::collected((0..size.0 as usize).map(|column| column as f64))?;
         let table = Table::build((size.1 as usize, size.0 as usize), source, isa, |row, us, vs| {
             homography_row(m, row).fill(isa, &columns, us, vs);
-            0..columns.len()
+            Ok(0..columns.len())
         })?;
         Ok(Self { table })
     }

@@ -2,7 +2,7 @@
 
 use nalgebra::Matrix3;
 
-use super::kernels::ProjectiveRow;
+use super::kernels::{ProjectiveRow, Row};
 use super::{Lut, table::Table};
 use crate::camera::{Camera, Projection, check_image_size};
 use crate::cpu::Isa;
@@ -56,11 +56,11 @@ impl Lut {
     /// behind the camera.
     fn from_image_from_ground(h: &Matrix3<f64>, grid: &BevGrid, source: (u32, u32)) -> Result<Self> {
         let isa = Isa::active()?;
-        let ys: Vec<f64> = (0..grid.columns()).map(|column| grid.y_of_column(column as f64)).collect();
+        let ys = Row::collected((0..grid.columns()).map(|column| grid.y_of_column(column as f64)))?;
         let table = Table::build((grid.rows(), grid.columns()), source, isa, |row, us, vs| {
             let origin = h.column(0) * grid.x_of_row(row as f64) + h.column(2);
             ProjectiveRow { origin, step: h.column(1).into(), culled: true }.fill(isa, &ys, us, vs);
-            0..ys.len()
+            Ok(0..ys.len())
         })?;
         Ok(Self { table })
     }
@@ -88,8 +88,8 @@ mod tests {
         let image = ground.map(|point| camera().project_ground(point, &Ground::default()).pixel);
         let lut = Lut::from_ground_points(&image, &ground, &grid(), (1280, 720)).unwrap();
         let expected = Lut::new(&camera(), &grid(), &Ground::default()).unwrap();
-        assert_eq!(lut.mask(), expected.mask());
-        let (got, expected) = (lut.maps(-9.0), expected.maps(-9.0));
+        assert_eq!(lut.mask().unwrap(), expected.mask().unwrap());
+        let (got, expected) = (lut.maps(-9.0).unwrap(), expected.maps(-9.0).unwrap());
         let pairs = got.0.iter().zip(&expected.0).chain(got.1.iter().zip(&expected.1));
         assert!(pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max) < 2e-4);
         let mirrored = ground.map(|[x, y]| [x, -y]);
@@ -102,7 +102,7 @@ mod tests {
         let (camera, grid) = (camera(), grid());
         let ground = Ground::from(Plane::from_angles(0.03, 0.01, -0.2).unwrap());
         let lut = Lut::new(&camera, &grid, &ground).unwrap();
-        let (mask, (map_x, map_y)) = (lut.mask(), lut.maps(f32::NAN));
+        let (mask, (map_x, map_y)) = (lut.mask().unwrap(), lut.maps(f32::NAN).unwrap());
         for cell in (0..mask.len()).step_by(37) {
             let at = [(cell / grid.columns()) as f64, (cell % grid.columns()) as f64];
             let projection = camera.project_cell(at, &grid, &ground);

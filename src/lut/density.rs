@@ -2,6 +2,7 @@
 
 use super::Lut;
 use super::area::{Coordinates, Q, Sides, check_sides};
+use crate::buffer;
 use crate::cpu::Isa;
 use crate::error::Result;
 use crate::parallel;
@@ -18,7 +19,7 @@ impl Lut {
     /// # Errors
     /// [`Error::AreaSize`](crate::Error::AreaSize), [`Error::Isa`](crate::Error::Isa).
     pub fn sampling_density(&self) -> Result<Vec<f32>> {
-        let mut density = vec![f32::NAN; 2 * self.rows() * self.columns()];
+        let mut density = buffer::filled("sampling_density", 2 * self.rows() * self.columns(), f32::NAN)?;
         self.for_each_footprint(&mut density, |[ax, ay, bx, by]| [bx.hypot(by) as f32, ax.hypot(ay) as f32])?;
         Ok(density)
     }
@@ -30,7 +31,7 @@ impl Lut {
     /// # Errors
     /// [`Error::AreaSize`](crate::Error::AreaSize), [`Error::Isa`](crate::Error::Isa).
     pub fn resolved_mask(&self, minimum: f64) -> Result<Vec<bool>> {
-        let mut mask = vec![false; self.rows() * self.columns()];
+        let mut mask = buffer::zeroed("resolved_mask", self.rows() * self.columns())?;
         self.for_each_footprint(&mut mask, |[ax, ay, bx, by]| {
             // the smaller singular value of the matrix with these columns: the area by the larger one
             let (sum, area) = (ax * ax + ay * ay + bx * bx + by * by, (ax * by - ay * bx).abs());
@@ -54,8 +55,8 @@ impl Lut {
         let bands = values.chunks_mut(N * columns * band_rows).enumerate();
         parallel::for_each(threads, bands, |(band, values)| {
             let first = band * band_rows;
-            let mut near = Coordinates::three(isa, &self.table, first);
-            let mut sides = Sides::new(columns);
+            let mut near = Coordinates::three(isa, &self.table, first)?;
+            let mut sides = Sides::new(columns)?;
             for (row, cells) in (first..).zip(values.chunks_mut(N * columns)) {
                 near[2].read(isa, &self.table, Some(row + 1));
                 sides.read(isa, &near);
@@ -66,7 +67,7 @@ impl Lut {
                 }
                 near.rotate_left(1);
             }
-        });
-        Ok(())
+            Ok(())
+        })
     }
 }

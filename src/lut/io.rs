@@ -6,20 +6,25 @@ use std::mem::MaybeUninit;
 
 use super::Lut;
 use super::table::{RowEnd, RowRuns, Run, RunKind, Table, Tap, band_rows, unframed};
+use crate::buffer;
 use crate::camera::check_image_size;
 use crate::error::{Error, Result};
 use crate::grid::check_cells;
+use crate::parallel::check_interrupt;
 
 const MAGIC: &[u8; 8] = b"ipm_rs\x00\x02";
 
 impl Lut {
     /// The table as bytes, the same on every machine.
-    pub fn to_bytes(&self) -> Vec<u8> {
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`] and [`Error::Interrupted`].
+    pub fn to_bytes(&self) -> Result<Vec<u8>> {
         let Table { columns, source, bands, .. } = &self.table;
         let seeing = || (0..self.rows()).flat_map(|row| self.table.row(row)).filter(|s| s.kind != RunKind::Outside);
         let runs: usize = bands.iter().map(|band| band.runs.len()).sum();
         let taps: usize = seeing().map(|segment| segment.taps.len()).sum();
-        let mut bytes = Vec::with_capacity(self.nbytes() + 64);
+        let mut bytes = buffer::reserved("Lut", self.nbytes() + 64)?;
         bytes.extend_from_slice(MAGIC);
         bytes.extend_from_slice(&[0; 8]);
         for number in [self.rows() as u32, *columns as u32, source.0, source.1, runs as u32, taps as u32] {
@@ -34,14 +39,18 @@ impl Lut {
         for run in bands.iter().flat_map(|band| &band.runs) {
             bytes.extend_from_slice(&run.0.to_le_bytes());
         }
-        for tap in seeing().flat_map(|segment| segment.taps) {
-            bytes.extend_from_slice(&tap.offset.to_le_bytes());
-            bytes.extend_from_slice(&tap.x.to_le_bytes());
-            bytes.extend_from_slice(&tap.y.to_le_bytes());
+        for row in 0..self.rows() {
+            check_interrupt()?;
+            let seeing = self.table.row(row).filter(|segment| segment.kind != RunKind::Outside);
+            for tap in seeing.flat_map(|segment| segment.taps) {
+                bytes.extend_from_slice(&tap.offset.to_le_bytes());
+                bytes.extend_from_slice(&tap.x.to_le_bytes());
+                bytes.extend_from_slice(&tap.y.to_le_bytes());
+            }
         }
         let sum = checksum(&bytes[16..]);
         bytes[8..16].copy_from_slice(&sum.to_le_bytes());
-        bytes
+        Ok(bytes)
     }
 
     /// A table from [`Lut::to_bytes`]. Every bound that the kernels rely on is proved again, so that no bytes, however
@@ -50,7 +59,6 @@ impl Lut {
     /// # Errors
     /// [`Error::DamagedTable`], and [`Error::OutOfMemory`].
     pub fn from_bytes(bytes: &[u8]) -> Result<Self> {
-        let damaged = |problem| Error::DamagedTable { problem };
         let body = bytes.strip_prefix(MAGIC).ok_or(damaged("no table of this version begins so"))?;
         let (sum, body) = body.split_first_chunk::<8>().ok_or(damaged("the checksum is cut short"))?;
         if u64::from_le_bytes(*sum) != checksum(body) {
@@ -77,8 +85,10 @@ impl Lut {
         for ((band, taps), counts) in table.bands_mut().zip(counts.chunks(4 * band_rows(columns))) {
             let mut next = 0;
             for runs in counts.chunks_exact(4).map(le_u32) {
-                next += reader.read_row(runs as usize, columns, &mut taps[next..], band).map_err(damaged)?;
-                band.ends.push(RowEnd { run: band.runs.len() as u32, tap: next as u32 });
+                check_interrupt()?;
+                next += reader.read_row(runs as usize, columns, &mut taps[next..], band)?;
+                let end = RowEnd { run: band.runs.len() as u32, tap: next as u32 };
+                buffer::push("Lut", &mut band.ends, end)?;
             }
         }
         if !reader.runs.is_empty() || !reader.taps.is_empty() {
@@ -86,6 +96,10 @@ impl Lut {
         }
         Ok(Self { table })
     }
+}
+
+fn damaged(problem: &'static str) -> Error {
+    Error::DamagedTable { problem }
 }
 
 /// What is left of a table's bytes.
@@ -104,28 +118,28 @@ impl Reader<'_> {
         columns: usize,
         taps: &mut [MaybeUninit<Tap>],
         band: &mut RowRuns,
-    ) -> Result<usize, &'static str> {
-        let short = "its rows do not fit its header";
+    ) -> Result<usize> {
+        let short = damaged("its rows do not fit its header");
         let (mut cells, mut kept) = (0, 0);
-        for run in take(&mut self.runs, runs.saturating_mul(2)).ok_or(short)?.chunks_exact(2) {
+        for run in take(&mut self.runs, runs.saturating_mul(2)).ok_or(short.clone())?.chunks_exact(2) {
             let run = Run(u16::from_le_bytes([run[0], run[1]]));
             cells += run.cells();
             if cells > columns {
                 break;
             }
-            let bytes = take(&mut self.taps, 8 * run.taps()).ok_or(short)?;
+            let bytes = take(&mut self.taps, 8 * run.taps()).ok_or(short.clone())?;
             for (tap, bytes) in taps[kept..].iter_mut().zip(bytes.chunks_exact(8)) {
                 let half = |at: usize| u16::from_le_bytes([bytes[at], bytes[at + 1]]);
                 let read = Tap { offset: le_u32(bytes), x: half(4), y: half(6) };
                 tap.write(read);
                 if !is_possible(run.kind(), read, self.source) {
-                    return Err("a cell samples where its kind cannot");
+                    return Err(damaged("a cell samples where its kind cannot"));
                 }
             }
             kept += run.taps();
-            band.runs.push(run);
+            buffer::push("Lut", &mut band.runs, run)?;
         }
-        if cells == columns { Ok(kept) } else { Err("a row's runs do not cover it") }
+        if cells == columns { Ok(kept) } else { Err(damaged("a row's runs do not cover it")) }
     }
 }
 
@@ -176,12 +190,12 @@ mod tests {
 
     #[test]
     fn there_and_back() {
-        assert_eq!(Lut::from_bytes(&lut().to_bytes()).unwrap(), lut());
+        assert_eq!(Lut::from_bytes(&lut().to_bytes().unwrap()).unwrap(), lut());
     }
 
     #[test]
     fn every_flipped_bit_and_every_cut_is_refused() {
-        let bytes = lut().to_bytes();
+        let bytes = lut().to_bytes().unwrap();
         for bit in 0..bytes.len() * 8 {
             let mut damaged = bytes.clone();
             damaged[bit / 8] ^= 1 << (bit % 8);
@@ -194,7 +208,7 @@ mod tests {
 
     #[test]
     fn forged_bytes_with_a_right_checksum_are_refused_or_harmless() {
-        let bytes = lut().to_bytes();
+        let bytes = lut().to_bytes().unwrap();
         let image = vec![7u8; 7 * 4];
         let view = crate::ImageView::new(&image, (7, 4), 1).unwrap();
         let (mut refused, mut harmless) = (0, 0);

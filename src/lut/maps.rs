@@ -2,19 +2,26 @@
 
 use super::Lut;
 use super::table::{ONE, RunKind, Tap, unframed};
+use crate::buffer;
+use crate::error::Result;
+use crate::parallel::check_interrupt;
 
 impl Lut {
     /// Which cells are valid, row-major: in front of the camera and inside the rectangle of the image's pixel centres.
-    pub fn mask(&self) -> Vec<bool> {
-        let mut mask = vec![false; self.rows() * self.columns()];
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`](crate::Error::OutOfMemory) and [`Error::Interrupted`](crate::Error::Interrupted).
+    pub fn mask(&self) -> Result<Vec<bool>> {
+        let mut mask = buffer::zeroed("mask", self.rows() * self.columns())?;
         for (row, cells) in mask.chunks_mut(self.columns()).enumerate() {
+            check_interrupt()?;
             for segment in self.table.row(row) {
                 if segment.kind.is_valid() {
                     cells[segment.first..segment.first + segment.cells].fill(true);
                 }
             }
         }
-        mask
+        Ok(mask)
     }
 
     /// How many cells are valid.
@@ -27,11 +34,15 @@ impl Lut {
 
     /// (map_x, map_y), row-major: the source coordinates of valid and halo cells, `outside` elsewhere, for
     /// `cv2.remap` and its like. Within 2^-16 pixel and one float32 step of the exact coordinate.
-    pub fn maps(&self, outside: f32) -> (Vec<f32>, Vec<f32>) {
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`](crate::Error::OutOfMemory) and [`Error::Interrupted`](crate::Error::Interrupted).
+    pub fn maps(&self, outside: f32) -> Result<(Vec<f32>, Vec<f32>)> {
         let columns = self.columns();
-        let mut map_x = vec![outside; self.rows() * columns];
-        let mut map_y = map_x.clone();
+        let map = || buffer::filled("maps", self.rows() * columns, outside);
+        let (mut map_x, mut map_y) = (map()?, map()?);
         for (row, (xs, ys)) in map_x.chunks_mut(columns).zip(map_y.chunks_mut(columns)).enumerate() {
+            check_interrupt()?;
             for segment in self.table.row(row).filter(|segment| segment.kind != RunKind::Outside) {
                 for (column, tap) in (segment.first..).zip(segment.taps) {
                     let (x, y) = self.top_left(segment.kind, *tap);
@@ -40,7 +51,7 @@ impl Lut {
                 }
             }
         }
-        (map_x, map_y)
+        Ok((map_x, map_y))
     }
 
     /// Column and row of the top-left of a tap's four pixels; -1 in the halo's left and upper part.
@@ -73,7 +84,7 @@ mod tests {
     fn float32_coordinates_keep_the_nearest_pixel_and_stay_close() {
         for (u, columns) in [(1500.4999999_f64, 2048), (1501.4999999, 2048), (1500.5000001, 2048), (3.4999999, 8)] {
             let lut = Lut::from_maps(&[u, u], &[0.0, 0.0], 2, (columns, 4)).unwrap();
-            let (map_x, _) = lut.maps(f32::NAN);
+            let (map_x, _) = lut.maps(f32::NAN).unwrap();
             assert_eq!(map_x[0].round_ties_even(), u.round_ties_even() as f32, "{u}");
             assert!((f64::from(map_x[0]) - u).abs() < 2.5e-4);
         }
@@ -83,9 +94,9 @@ mod tests {
     fn maps_and_mask_tell_valid_halo_and_outside_apart() {
         let (x, y) = ([0.0, 1.25, 2.0, -0.5, 2.75, -1.0, f64::NAN, 1.0], [0.5, 0.0, 1.0, 0.0, 1.5, 0.0, 0.0, 9.0]);
         let lut = Lut::from_maps(&x, &y, 4, (3, 2)).unwrap();
-        assert_eq!(lut.mask(), [true, true, true, false, false, false, false, false]);
+        assert_eq!(lut.mask().unwrap(), [true, true, true, false, false, false, false, false]);
         assert_eq!(lut.valid_cells(), 3);
-        let (map_x, map_y) = lut.maps(-9.0);
+        let (map_x, map_y) = lut.maps(-9.0).unwrap();
         assert_eq!(map_x, [0.0, 1.25, 2.0, -0.5, 2.75, -9.0, -9.0, -9.0]);
         assert_eq!(map_y, [0.5, 0.0, 1.0, 0.0, 1.5, -9.0, -9.0, -9.0]);
     }

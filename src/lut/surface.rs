@@ -5,8 +5,10 @@ use std::cell::RefCell;
 use nalgebra::Vector3;
 
 use super::kernels::HeightsRow;
+use crate::buffer;
 use crate::camera::Camera;
 use crate::cpu::Isa;
+use crate::error::Result;
 use crate::ground::{HeightMap, HeightRows};
 
 /// A grid's rows as a camera sees them over a height map.
@@ -19,23 +21,24 @@ pub(super) struct Surface<'a> {
 
 impl<'a> Surface<'a> {
     /// `ys` are those of the grid's columns.
-    pub(super) fn new(camera: &'a Camera, map: &'a HeightMap, ys: &'a [f64]) -> Self {
-        Self { camera, map, heights: HeightRows::new(map, ys), ys }
+    pub(super) fn new(camera: &'a Camera, map: &'a HeightMap, ys: &'a [f64]) -> Result<Self> {
+        Ok(Self { camera, map, heights: HeightRows::new(map, ys)?, ys })
     }
 
     /// Writes the pixel of each road point of the row at `x`; NaN where it has none, where the road is not known, and
     /// where a crest hides it.
-    pub(super) fn fill(&self, isa: Isa, x: f64, us: &mut [f64], vs: &mut [f64]) {
+    pub(super) fn fill(&self, isa: Isa, x: f64, us: &mut [f64], vs: &mut [f64]) -> Result<()> {
         thread_local! {
             /// Heights of a row, and room to work them out.
             static SCRATCH: RefCell<(Vec<f64>, Vec<f64>)> = const { RefCell::new((Vec::new(), Vec::new())) };
         }
         SCRATCH.with_borrow_mut(|(zs, profile)| {
-            zs.resize(self.ys.len(), 0.0);
-            self.heights.fill(x, zs, profile);
+            buffer::resize("Lut", zs, self.ys.len(), 0.0)?;
+            self.heights.fill(x, zs, profile)?;
             self.project(isa, x, zs, us, vs);
             self.hide(x, zs, us, vs);
-        });
+            Ok(())
+        })
     }
 
     fn project(&self, isa: Isa, x: f64, zs: &[f64], us: &mut [f64], vs: &mut [f64]) {
@@ -91,9 +94,9 @@ mod tests {
         let plane = Plane::from_coefficients(-0.1, 0.02, -0.03).unwrap();
         let flat = Lut::new(&camera(), &grid(), &plane.into()).unwrap();
         let mapped = Lut::new(&camera(), &grid(), &map(|x, y| plane.height_at(x, y))).unwrap();
-        assert_eq!(mapped.mask(), flat.mask());
+        assert_eq!(mapped.mask().unwrap(), flat.mask().unwrap());
         assert!(flat.valid_cells() > 5000);
-        let (flat, mapped) = (flat.maps(-9.0), mapped.maps(-9.0));
+        let (flat, mapped) = (flat.maps(-9.0).unwrap(), mapped.maps(-9.0).unwrap());
         let pairs = flat.0.iter().zip(&mapped.0).chain(flat.1.iter().zip(&mapped.1));
         assert!(pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max) < 2e-4);
     }
@@ -118,11 +121,11 @@ mod tests {
             bent(BrownConrady::new(&[-0.1, 0.02, 1e-3, -1e-3, 1e-3], None).unwrap().into()),
         ];
         for camera in &cameras {
-            let surface = Surface::new(camera, heights, &ys);
+            let surface = Surface::new(camera, heights, &ys).unwrap();
             for row in (0..160).step_by(7) {
                 let filled = |isa| {
                     let (mut us, mut vs) = (vec![0.0; 80], vec![0.0; 80]);
-                    surface.fill(isa, grid().x_of_row(f64::from(row)), &mut us, &mut vs);
+                    surface.fill(isa, grid().x_of_row(f64::from(row)), &mut us, &mut vs).unwrap();
                     us.into_iter().chain(vs).map(f64::to_bits).collect::<Vec<_>>()
                 };
                 for &isa in Isa::available() {
@@ -136,7 +139,7 @@ mod tests {
         let ground = map(|x, y| if x > 41.0 { f64::NAN } else { 0.6 * (x * 0.4).sin() + 0.1 * (y * 1.3).cos() });
         let grid = grid();
         let lut = Lut::new(camera, &grid, &ground).unwrap();
-        let (mask, maps) = (lut.mask(), lut.maps(f32::NAN));
+        let (mask, maps) = (lut.mask().unwrap(), lut.maps(f32::NAN).unwrap());
         let mut hidden = 0;
         for (cell, &valid) in mask.iter().enumerate() {
             let (row, column) = (cell / grid.columns(), cell % grid.columns());

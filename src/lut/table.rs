@@ -11,8 +11,9 @@ use super::area::LazyPlan;
 use super::kernels::{Kinds, Row, Sampled, quantise_one};
 use super::tap::framed;
 pub(crate) use super::tap::{ONE, RunKind, Tap, unframed};
+use crate::buffer;
 use crate::cpu::Isa;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::grid::check_cells;
 use crate::parallel;
 
@@ -71,12 +72,12 @@ pub(super) struct RowEnd {
 
 impl RowRuns {
     /// Packs one row in place of those there are: [`RowRuns::push`] for taps that are used again and again.
-    pub(crate) fn repack(&mut self, isa: Isa, row: Sampled<'_>, taps: &mut [Tap], scratch: &mut Kinds) {
+    pub(crate) fn repack(&mut self, isa: Isa, row: Sampled<'_>, taps: &mut [Tap], scratch: &mut Kinds) -> Result<()> {
         self.ends.clear();
         self.runs.clear();
         // SAFETY: the layout is the same, and `push` writes nothing but taps.
         let room = unsafe { &mut *(std::ptr::from_mut(taps) as *mut [MaybeUninit<Tap>]) };
-        self.push(isa, row, 0..row.us.len(), room, scratch);
+        self.push(isa, row, 0..row.us.len(), room, scratch)
     }
 
     /// Packs a row, of which only the cells `seen` are looked at, and the others are outside: its runs go to the end of
@@ -89,7 +90,7 @@ impl RowRuns {
         seen: Range<usize>,
         taps: &mut [MaybeUninit<Tap>],
         scratch: &mut Kinds,
-    ) {
+    ) -> Result<()> {
         let begin = self.taps();
         let taps = &mut taps[begin..begin + row.us.len()];
         let seen = row.trimmed(seen);
@@ -97,13 +98,13 @@ impl RowRuns {
         let (mut outside, behind) = (seen.start, row.us.len() - seen.end);
         let row = Sampled { us: &row.us[seen.clone()], vs: &row.vs[seen], ..row };
         let mut kept = 0;
-        for (kind, cells) in scratch.quantise(isa, row, taps) {
+        for (kind, cells) in scratch.quantise(isa, row, taps)? {
             if kind == RunKind::Outside {
                 outside += cells.len();
                 continue;
             }
-            self.runs.extend(Run::of(RunKind::Outside, std::mem::take(&mut outside)));
-            self.runs.extend(Run::of(kind, cells.len()));
+            self.add_runs(RunKind::Outside, std::mem::take(&mut outside))?;
+            self.add_runs(kind, cells.len())?;
             let own = kept..kept + cells.len();
             match kind {
                 RunKind::Inside if cells.start == kept => {}
@@ -118,8 +119,15 @@ impl RowRuns {
             }
             kept = own.end;
         }
-        self.runs.extend(Run::of(RunKind::Outside, outside + behind));
-        self.ends.push(RowEnd { run: self.runs.len() as u32, tap: (begin + kept) as u32 });
+        self.add_runs(RunKind::Outside, outside + behind)?;
+        let end = RowEnd { run: self.runs.len() as u32, tap: (begin + kept) as u32 };
+        buffer::push(WHAT, &mut self.ends, end)
+    }
+
+    /// Appends the runs of so many neighbouring cells of one kind.
+    #[inline]
+    fn add_runs(&mut self, kind: RunKind, cells: usize) -> Result<()> {
+        Run::of(kind, cells).try_for_each(|run| buffer::push(WHAT, &mut self.runs, run))
     }
 
     /// How many taps these rows have.
@@ -184,7 +192,7 @@ impl Table {
         (rows, columns): (usize, usize),
         source: (u32, u32),
         isa: Isa,
-        fill: impl Fn(usize, &mut [f64], &mut [f64]) -> Range<usize> + Sync,
+        fill: impl Fn(usize, &mut [f64], &mut [f64]) -> Result<Range<usize>> + Sync,
     ) -> Result<Self> {
         let mut table = Self::empty((rows, columns), source)?;
         let threads = if rows * columns < INLINE_CELLS { 1 } else { parallel::num_threads() };
@@ -192,14 +200,15 @@ impl Table {
         let jobs = table.bands_mut().enumerate();
         parallel::for_each(threads, jobs, |(band, (runs, room))| {
             // band by band, each while it is in the cache: all at once was a tenth of the time
-            let (mut us, mut vs) = (Row::filled(columns, 0.0), Row::filled(columns, 0.0));
+            let (mut us, mut vs) = (Row::filled(columns, 0.0)?, Row::filled(columns, 0.0)?);
             let mut scratch = Kinds::default();
-            runs.ends.reserve_exact(room.len() / columns);
+            runs.ends = buffer::reserved(WHAT, room.len() / columns)?;
             for row in band * band_rows..(band * band_rows + band_rows).min(rows) {
-                let seen = fill(row, &mut us, &mut vs);
-                runs.push(isa, Sampled { us: &us, vs: &vs, source }, seen, room, &mut scratch);
+                let seen = fill(row, &mut us, &mut vs)?;
+                runs.push(isa, Sampled { us: &us, vs: &vs, source }, seen, room, &mut scratch)?;
             }
-        });
+            Ok(())
+        })?;
         Ok(table)
     }
 
@@ -207,9 +216,8 @@ impl Table {
     pub(super) fn empty((rows, columns): (usize, usize), source: (u32, u32)) -> Result<Self> {
         check_cells("Lut", rows as f64, columns as f64)?;
         let mut table = Self { rows, columns, source, taps: Vec::new(), bands: Vec::new(), area: LazyPlan::default() };
-        reserve(&mut table.taps, rows * columns)?;
-        table.taps.resize(rows * columns, MaybeUninit::uninit());
-        table.bands.resize(rows.div_ceil(band_rows(columns)), RowRuns::default());
+        table.taps = buffer::filled(WHAT, rows * columns, MaybeUninit::uninit())?;
+        table.bands = buffer::filled(WHAT, rows.div_ceil(band_rows(columns)), RowRuns::default())?;
         Ok(table)
     }
 
@@ -295,11 +303,8 @@ fn framed_tap(u: f64, v: f64, width: u32) -> Tap {
 /// Tables of fewer cells are built on the caller's thread: 16384 cells take about 15 us, and waking a helper 5 to 20.
 const INLINE_CELLS: usize = 1 << 14;
 
-/// Room for so many entries, or an error instead of an abort.
-pub(super) fn reserve<T>(entries: &mut Vec<T>, count: usize) -> Result<()> {
-    let bytes = count.saturating_mul(size_of::<T>());
-    entries.try_reserve_exact(count).map_err(|_| Error::OutOfMemory { what: "Lut", bytes })
-}
+/// What memory is asked for, in errors.
+const WHAT: &str = "Lut";
 
 #[cfg(test)]
 mod tests {
@@ -312,7 +317,7 @@ mod tests {
         let packed = |&isa: &Isa| {
             let mut runs = RowRuns::default();
             let mut taps = [Tap::default()];
-            runs.repack(isa, Sampled { us: &[u], vs: &[v], source }, &mut taps, &mut Kinds::default());
+            runs.repack(isa, Sampled { us: &[u], vs: &[v], source }, &mut taps, &mut Kinds::default()).unwrap();
             taps[runs.taps()..].fill(Tap::default());
             (runs, taps)
         };
@@ -380,7 +385,7 @@ mod tests {
             for (column, (u, v)) in us.iter_mut().zip(vs).enumerate() {
                 (*u, *v) = (column as f64 * 0.1 - 2.0 + row as f64 * 0.003, row as f64 * 0.006 - 1.5);
             }
-            0..us.len()
+            Ok(0..us.len())
         };
         let table = Table::build((rows, 100), SOURCE, Isa::Scalar, fill).unwrap();
         for &isa in Isa::available() {
@@ -409,7 +414,7 @@ mod tests {
                 for (column, (u, v)) in us.iter_mut().zip(vs).enumerate() {
                     [*u, *v] = [[0.5, 0.5], [2.5, 2.5]][column % 2];
                 }
-                0..us.len()
+                Ok(0..us.len())
             })
             .unwrap();
             assert_eq!(table.row(0).count(), columns);
@@ -423,7 +428,7 @@ mod tests {
             let table = Table::build((2, columns), (3, 3), Isa::Scalar, |row, us, vs| {
                 us.fill([0.5, f64::NAN][row]);
                 vs.fill(0.5);
-                0..us.len()
+                Ok(0..us.len())
             })
             .unwrap();
             for row in 0..2 {

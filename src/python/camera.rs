@@ -7,11 +7,9 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple, PyType};
 
 use super::arrays;
-use super::camera_geometry::{each_projected, each_row};
 use super::cloud;
-use super::convert::{
-    Floats, Reduced, float, floats, matrix_to_numpy, matrix3, matrix4, rebuilt_by_new, rows_to_numpy, size, whole,
-};
+use super::convert::{Floats, Reduced, float, floats, matrix_to_numpy, matrix3, matrix4, rebuilt_by_new, size, whole};
+use super::each::{each_projected, each_row};
 use super::error::classes::CalibrationError;
 use super::ground::{given_road, only_ground, road};
 use super::lens::{hash_lens, lens as lens_model, lens_to_python};
@@ -158,10 +156,7 @@ impl PyCamera {
     fn unproject<'py>(&self, uv: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let floats = Floats::new("uv", "an (N, 2) array", uv)?;
         let rows = floats.rows::<2>("uv")?;
-        let rays = uv.py().detach(|| {
-            rows.iter().map(|&pixel| self.camera.unproject(pixel).map_or([f64::NAN; 3], Into::into)).collect()
-        });
-        rows_to_numpy(uv.py(), rays)
+        each_row(uv.py(), None, rows, |&pixel| self.camera.unproject(pixel).map_or([f64::NAN; 3], Into::into))
     }
 
     #[doc = help!("Camera.ground_from_pixels")]

@@ -8,12 +8,15 @@ use pyo3::types::PyType;
 use super::camera::PyCamera;
 use super::cloud::Projected;
 use super::convert::{Floats, flag, float, float_or_two, floats, rows_to_numpy, size, whole, word};
+use super::detached;
+use super::each::{WHAT, each_number, each_projected, each_row, numbers};
 use super::error::classes::ArgumentError;
 use super::ground::{given_road, only_ground, plane_of, road};
 use super::ground_points::bev_grid;
 use super::lens::lens as lens_model;
+use crate::buffer;
 use crate::parallel::{self, num_threads};
-use crate::{Binning, Camera, Pinhole, Projection, RangeError};
+use crate::{Binning, Camera, Pinhole, RangeError};
 
 /// One pixel, in degrees of pitch that are as hard to keep.
 const DEFAULT_PITCH: f64 = 0.1;
@@ -135,11 +138,11 @@ impl PyCamera {
         let on_ground = matches!(floats.shape(), [_, 2]);
         let ground = only_ground(road, on_ground)?;
         let pieces = if on_ground {
-            let points = ring(floats.rows::<2>("points")?, closed);
-            py.detach(|| self.camera.project_ground_polyline(&points, &ground, margin, tolerance))?
+            let points = ring(floats.rows::<2>("points")?, closed, |point| point)?;
+            detached::run(py, || self.camera.project_ground_polyline(&points, &ground, margin, tolerance))?
         } else {
-            let points: Vec<_> = ring(floats.rows::<3>("points")?, closed).into_iter().map(Vector3::from).collect();
-            py.detach(|| self.camera.project_polyline(&points, margin, tolerance))?
+            let points = ring(floats.rows::<3>("points")?, closed, Vector3::from)?;
+            detached::run(py, || self.camera.project_polyline(&points, margin, tolerance))?
         };
         pieces.into_iter().map(|piece| rows_to_numpy(py, piece)).collect()
     }
@@ -154,7 +157,7 @@ impl PyCamera {
     ) -> PyResult<Vec<Bound<'py, PyArray2<f64>>>> {
         let plane = plane_of(ground)?;
         let tolerance = tolerance.map_or(Ok(TOLERANCE), |tolerance| float("tolerance", tolerance))?;
-        let pieces = py.detach(|| self.camera.horizon(&plane, tolerance))?;
+        let pieces = detached::run(py, || self.camera.horizon(&plane, tolerance))?;
         pieces.into_iter().map(|piece| rows_to_numpy(py, piece)).collect()
     }
 
@@ -175,8 +178,7 @@ impl PyCamera {
         let floats = Floats::new("uv", "an (N, 2) array", uv)?;
         let rows = floats.rows::<2>("uv")?;
         let range = |&pixel: &_| self.camera.ground_range(pixel, &ground);
-        let ranges = uv.py().detach(|| parallel::map(num_threads(), rows, 0.0, range));
-        Ok(PyArray1::from_vec(uv.py(), ranges))
+        each_number(uv.py(), rows, range)
     }
 
     #[doc = help!("Camera.row_ranges")]
@@ -190,9 +192,8 @@ impl PyCamera {
         let ground = road(ground)?;
         let (width, height) = self.camera.image_size();
         let column = column.map_or(Ok((f64::from(width) - 1.0) / 2.0), |column| float("column", column))?;
-        let ranges =
-            py.detach(|| (0..height).map(|row| self.camera.ground_range([column, f64::from(row)], &ground)).collect());
-        Ok(PyArray1::from_vec(py, ranges))
+        let rows = buffer::collected("row_ranges", (0..height as usize).map(|row| row as f64))?;
+        each_number(py, &rows, |&row| self.camera.ground_range([column, row], &ground))
     }
 
     #[doc = help!("Camera.range_error")]
@@ -221,45 +222,26 @@ impl PyCamera {
         let pitch = positive("pitch_deg", pitch_deg, DEFAULT_PITCH)?.to_radians();
         let floats = Floats::new("uv", "an (N, 2) array", uv)?;
         let rows = floats.rows::<2>("uv")?;
-        let blank = RangeError { pixel: 0.0, pitch: 0.0 };
-        let error = |&uv: &_| self.camera.range_error(uv, &ground, pixels, pitch);
-        let errors = py.detach(|| parallel::map(num_threads(), rows, blank, error));
-        let by_pixel = PyArray1::from_iter(py, errors.iter().map(|error| error.pixel));
-        Ok((by_pixel, PyArray1::from_iter(py, errors.iter().map(|error| error.pitch))))
+        let error = |&uv: &_| {
+            let RangeError { pixel, pitch } = self.camera.range_error(uv, &ground, pixels, pitch);
+            [pixel, pitch]
+        };
+        let errors = detached::run(py, || parallel::map(WHAT, num_threads(), rows, error))?;
+        let column = |column: usize| numbers(py, errors.iter().map(|error| error[column]));
+        Ok((column(0)?, column(1)?))
     }
 }
 
 /// Pixels that an image of a curve may be off.
 const TOLERANCE: f64 = 0.25;
 
-/// A row for each item, by several threads; `None` is as many as a call uses when it does not say.
-pub(super) fn each_row<'py, T: Sync, const K: usize>(
-    py: Python<'py>,
-    threads: Option<usize>,
-    items: &[T],
-    row: impl Fn(&T) -> [f64; K] + Sync + Send,
-) -> PyResult<Bound<'py, PyArray2<f64>>> {
-    let threads = threads.unwrap_or_else(num_threads);
-    rows_to_numpy(py, py.detach(|| parallel::map(threads, items, [0.0; K], row)))
-}
-
-/// (uv, depth, valid) for each item, likewise.
-pub(super) fn each_projected<'py, T: Sync>(
-    py: Python<'py>,
-    threads: Option<usize>,
-    items: &[T],
-    project: impl Fn(&T) -> Projection + Sync + Send,
-) -> PyResult<Projected<'py>> {
-    let threads = threads.unwrap_or_else(num_threads);
-    let blank = Projection { pixel: [0.0; 2], depth: 0.0, valid: false };
-    let projections = py.detach(|| parallel::map(threads, items, blank, project));
-    let uv = rows_to_numpy(py, projections.iter().map(|projection| projection.pixel).collect())?;
-    let depth = PyArray1::from_iter(py, projections.iter().map(|projection| projection.depth));
-    let valid = PyArray1::from_iter(py, projections.iter().map(|projection| projection.valid));
-    Ok((uv, depth, valid))
-}
-
 /// The points, and the first again where they are closed.
-fn ring<const K: usize>(points: &[[f64; K]], closed: bool) -> Vec<[f64; K]> {
-    points.iter().chain(points.first().filter(|_| closed)).copied().collect()
+fn ring<T: Copy, const K: usize>(
+    points: &[[f64; K]],
+    closed: bool,
+    of: impl Fn([f64; K]) -> T,
+) -> crate::Result<Vec<T>> {
+    let mut ring = buffer::reserved(WHAT, points.len() + 1)?;
+    ring.extend(points.iter().chain(points.first().filter(|_| closed)).map(|&point| of(point)));
+    Ok(ring)
 }

@@ -118,7 +118,7 @@ pub(super) fn matrix_to_numpy<'py, const R: usize, const C: usize>(
     py: Python<'py>,
     matrix: &SMatrix<f64, R, C>,
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
-    let row_major = matrix.transpose().as_slice().to_vec();
+    let row_major = matrix.transpose().as_slice().to_vec(); // nine or sixteen
     PyArray1::from_vec(py, row_major).reshape([R, C])
 }
 

@@ -3,6 +3,7 @@
 use pyo3::prelude::*;
 
 use super::convert::{flag, matrix3, size};
+use super::detached;
 use super::dtype::{Samples, for_blended, for_moved};
 use super::image::{ImageArray, Output};
 use super::layout::Layout;
@@ -139,8 +140,8 @@ impl<'py> Call<'py> {
             None => self.image.new_output(rows, columns)?,
         };
         let mut write = out.write()?;
-        let mut outs = write.views::<T>();
-        py.detach(|| warp(&views[0], mapping, &mut outs[0], self.border_mode, &options))?;
+        let mut outs = write.views::<T>()?;
+        detached::run(py, || warp(&views[0], mapping, &mut outs[0], self.border_mode, &options))?;
         drop(outs);
         drop(write);
         Ok(self.out.given_or(out))

@@ -1,6 +1,6 @@
 //! Which exception each error is.
 
-use pyo3::exceptions::{PyException, PyMemoryError};
+use pyo3::exceptions::{PyException, PyKeyboardInterrupt, PyMemoryError};
 use pyo3::types::{PyAnyMethods, PyStringMethods, PyTypeMethods};
 use pyo3::{PyErr, PyResult, Python};
 
@@ -126,10 +126,13 @@ impl From<Error> for PyErr {
             | Error::Shape { .. }
             | Error::DensityFull { .. }
             | Error::Threads { .. }
+            | Error::TooManyThreads { .. }
             | Error::Interpolation { .. }
             | Error::TooManyIds { .. }
             | Error::AreaSize { .. }
             | Error::Isa { .. } => classes::ArgumentError::new_err(message),
+            // who asks for it raises the exception that came of asking instead, see `signals`
+            Error::Interrupted => PyKeyboardInterrupt::new_err(message),
             Error::OutOfMemory { .. } => classes::OutOfMemoryError::new_err(message),
         }
     }

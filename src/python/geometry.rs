@@ -4,7 +4,8 @@ use nalgebra::Vector3;
 use numpy::PyArray2;
 use pyo3::prelude::*;
 
-use super::convert::{Floats, float, matrix_to_numpy, matrix3, matrix4, rows_to_numpy};
+use super::convert::{Floats, float, matrix_to_numpy, matrix3, matrix4};
+use super::each::each_row;
 use crate::error::finite;
 use crate::geometry::{self, Pose};
 
@@ -24,8 +25,7 @@ pub(super) fn rotation_from_euler<'py>(
 pub(super) fn flip_handedness<'py>(points: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArray2<f64>>> {
     let floats = Floats::new("points", "an (N, 3) array", points)?;
     let rows = floats.rows::<3>("points")?;
-    let flipped = rows.iter().map(|&row| geometry::flip_handedness_point(Vector3::from(row)).into()).collect();
-    rows_to_numpy(points.py(), flipped)
+    each_row(points.py(), None, rows, |&row| geometry::flip_handedness_point(Vector3::from(row)).into())
 }
 
 #[doc = help!("flip_handedness_euler")]

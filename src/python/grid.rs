@@ -6,9 +6,12 @@ use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 
-use super::convert::{Floats, Reduced, float_or_two, floats, rebuilt_by_new, rows_to_numpy, word};
+use super::convert::{Floats, Reduced, float_or_two, floats, rebuilt_by_new, word};
+use super::detached;
+use super::each::each_row;
 use super::error::classes::ArgumentError;
-use crate::error::Error;
+use crate::buffer;
+use crate::parallel::check_interrupt;
 use crate::{BevGrid, SampleAt};
 
 #[doc = help!("BevGrid")]
@@ -95,28 +98,28 @@ impl PyBevGrid {
     #[doc = help!("BevGrid.xy")]
     fn xy<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray3<f64>>> {
         let (rows, columns) = self.shape();
-        let mut points = Vec::new();
-        let too_large = |_| Error::OutOfMemory { what: "xy", bytes: 16 * rows * columns };
-        points.try_reserve_exact(2 * rows * columns).map_err(too_large)?;
-        for row in 0..rows {
-            let x = self.grid.x_of_row(row as f64);
-            points.extend((0..columns).flat_map(|column| [x, self.grid.y_of_column(column as f64)]));
-        }
+        let points = detached::run(py, || {
+            let mut points = buffer::reserved("xy", 2 * rows * columns)?;
+            for row in 0..rows {
+                check_interrupt()?;
+                let x = self.grid.x_of_row(row as f64);
+                points.extend((0..columns).flat_map(|column| [x, self.grid.y_of_column(column as f64)]));
+            }
+            Ok(points)
+        })?;
         PyArray1::from_vec(py, points).reshape([rows, columns, 2])
     }
 
     #[doc = help!("BevGrid.cell_from_ground")]
     fn cell_from_ground<'py>(&self, xy: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let floats = Floats::new("xy", "an (N, 2) array", xy)?;
-        let cells = floats.rows::<2>("xy")?.iter().map(|&point| self.grid.cell_from_ground(point)).collect();
-        rows_to_numpy(xy.py(), cells)
+        each_row(xy.py(), None, floats.rows::<2>("xy")?, |&point| self.grid.cell_from_ground(point))
     }
 
     #[doc = help!("BevGrid.ground_from_cell")]
     fn ground_from_cell<'py>(&self, rc: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let floats = Floats::new("rc", "an (N, 2) array", rc)?;
-        let points = floats.rows::<2>("rc")?.iter().map(|&cell| self.grid.ground_from_cell(cell)).collect();
-        rows_to_numpy(rc.py(), points)
+        each_row(rc.py(), None, floats.rows::<2>("rc")?, |&cell| self.grid.ground_from_cell(cell))
     }
 
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Reduced<'py>> {

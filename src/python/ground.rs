@@ -9,8 +9,11 @@ use pyo3::types::{PyDict, PyTuple, PyType};
 
 use super::arrays;
 use super::convert::{Floats, Reduced, float, float_or_two, floats, rebuilt_by_new, tuple_text, type_name};
+use super::detached;
+use super::each::each_number;
 use super::error::classes::{ArgumentError, ArgumentTypeError};
 use super::ground_points::bev_grid;
+use crate::buffer;
 use crate::{Ground, HeightMap, Plane};
 
 #[doc = help!("Plane")]
@@ -189,7 +192,9 @@ impl PyHeightMap {
             return Err(ArgumentError::new_err(format!("heights: expected shape (rows, columns), got {got}")));
         };
         let values = floats.values();
-        let map = heights.py().detach(|| HeightMap::new(values.to_vec(), columns, origin, spacing))?;
+        let map = detached::run(heights.py(), || {
+            HeightMap::new(buffer::copied("heights", values)?, columns, origin, spacing)
+        })?;
         Ok(Self { map: Arc::new(map) })
     }
 }
@@ -249,8 +254,7 @@ pub(super) fn plane_of(ground: Option<&Bound<'_, PyAny>>) -> PyResult<Plane> {
 fn heights_at<'py>(ground: &Ground, xy: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArray1<f64>>> {
     let floats = Floats::new("xy", "an (N, 2) array", xy)?;
     let rows = floats.rows::<2>("xy")?;
-    let heights = xy.py().detach(|| rows.iter().map(|&[x, y]| ground.height_at(x, y)).collect());
-    Ok(PyArray1::from_vec(xy.py(), heights))
+    each_number(xy.py(), rows, |&[x, y]| ground.height_at(x, y))
 }
 
 /// Hashes numbers as `==` compares them: 0.0 is -0.0, and NaN, a height that is not known, is NaN.

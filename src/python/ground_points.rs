@@ -6,6 +6,7 @@ use pyo3::types::PyType;
 
 use super::arrays;
 use super::convert::{Floats, matrix_to_numpy, size, tuple_text, type_name};
+use super::detached;
 use super::error::classes::{ArgumentError, ArgumentTypeError};
 use super::grid::PyBevGrid;
 use super::lut::PyLut;
@@ -21,7 +22,7 @@ pub(super) fn homography_from_points<'py>(
     let py = image_points.py();
     let (image, ground) = pairs(image_points, ground_points)?;
     let (image, ground) = (image.rows::<2>("image_points")?, ground.rows::<2>("ground_points")?);
-    let found = py.detach(|| geometry::homography_from_points(image, ground))?;
+    let found = detached::run(py, || geometry::homography_from_points(image, ground))?;
     Ok((matrix_to_numpy(py, &found.image_from_ground)?, PyArray1::from_vec(py, found.errors)))
 }
 
@@ -56,7 +57,7 @@ impl PyLut {
         let source_size = size("source_size", source_size)?;
         let (image, ground) = pairs(image_points, ground_points)?;
         let (image, ground) = (image.rows::<2>("image_points")?, ground.rows::<2>("ground_points")?);
-        let lut = py.detach(|| Lut::from_ground_points(image, ground, &grid.grid, source_size))?;
+        let lut = detached::run(py, || Lut::from_ground_points(image, ground, &grid.grid, source_size))?;
         Ok(Self { lut })
     }
 }

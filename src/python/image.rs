@@ -15,7 +15,7 @@ use super::convert::tuple_text;
 use super::error::classes::{DtypeError, ImageError, OutOfMemoryError};
 use super::layout::Layout;
 use super::shared;
-use crate::{ImageView, ImageViewMut, Sample};
+use crate::{ImageView, ImageViewMut, Sample, buffer};
 
 /// How often an axis is stepped along, and by how many bytes; an axis that is not there is one of length 1.
 #[derive(Clone, Copy)]
@@ -348,7 +348,7 @@ impl Reading<'_, '_> {
             let size = (image.width, image.rows.count);
             ImageView::with_row_stride(data, size, image.samples, before / sample, row_stride)
         };
-        let mut views = Vec::with_capacity(image.planes().len());
+        let mut views = buffer::reserved("image", image.planes().len())?;
         for first in image.planes() {
             views.push(view(first)?);
         }
@@ -364,7 +364,7 @@ pub(super) struct Writing<'a, 'py> {
 
 impl Writing<'_, '_> {
     /// The images, or their planes, `T` being of the size of the dtype.
-    pub(super) fn views<T: Sample>(&mut self) -> Vec<ImageViewMut<'_, T>> {
+    pub(super) fn views<T: Sample>(&mut self) -> crate::Result<Vec<ImageViewMut<'_, T>>> {
         let image = self.image;
         assert_eq!(size_of::<T>(), image.dtype.itemsize(), "chosen by the dtype");
         let row_stride = image.rows.stride / size_of::<T>() as isize;
@@ -372,6 +372,6 @@ impl Writing<'_, '_> {
         // SAFETY: the rows of the array, checked to be aligned, adjacent, writable and apart from each other (a new
         // array's are); the borrow, held by `self`, keeps every other user of rust-numpy away.
         let view = |first: *mut u8| unsafe { ImageViewMut::from_raw(first.cast(), size, image.samples, row_stride) };
-        image.planes().map(view).collect()
+        buffer::collected("out", image.planes().map(view))
     }
 }

@@ -7,15 +7,14 @@ use pyo3::types::{PyDict, PyTuple};
 
 use super::convert::{Floats, Reduced, float, floats, rebuilt_by_new, tuple_text, type_name};
 use super::error::classes::{ArgumentError, ArgumentTypeError};
-use crate::{BrownConrady, DoubleSphere, Eucm, KannalaBrandt, Lens, Mei, Ocam, RadialPolynomial};
+use crate::{BrownConrady, DoubleSphere, Eucm, KannalaBrandt, Lens, Mei, Ocam, RadialPolynomial, buffer};
 
 /// A list of numbers, of any length.
 fn numbers(name: &str, object: &Bound<'_, PyAny>) -> PyResult<Vec<f64>> {
     let floats = Floats::new(name, "a list", object)?;
     match floats.shape() {
-        [_] => Ok(floats.values().to_vec()),
         // OpenCV writes its coefficients as a row or a column
-        [1, _] | [_, 1] => Ok(floats.values().to_vec()),
+        [_] | [1, _] | [_, 1] => Ok(buffer::copied("coefficients", floats.values())?),
         shape => {
             let got = tuple_text(shape);
             Err(ArgumentError::new_err(format!("{name}: expected a list of numbers, got an array of shape {got}")))

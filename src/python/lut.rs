@@ -2,11 +2,13 @@
 
 use nalgebra::Matrix3;
 use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods};
+use pyo3::exceptions::PyMemoryError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyTuple, PyType};
 
 use super::camera::PyCamera;
 use super::convert::{float, matrix3, size, tuple_text, type_name};
+use super::detached;
 use super::dtype::{Samples, for_blended, for_moved};
 use super::error::classes::{ArgumentTypeError, ImageError};
 use super::grid::PyBevGrid;
@@ -36,7 +38,7 @@ impl PyLut {
         let camera_ref = camera.cast::<PyCamera>().map_err(|_| wrong("camera", "Camera", camera))?.get();
         let grid_ref = grid.cast::<PyBevGrid>().map_err(|_| wrong("grid", "BevGrid", grid))?.get();
         let ground = road(ground)?;
-        let lut = camera.py().detach(|| Lut::new(&camera_ref.camera, &grid_ref.grid, &ground))?;
+        let lut = detached::run(camera.py(), || Lut::new(&camera_ref.camera, &grid_ref.grid, &ground))?;
         Ok(Self { lut })
     }
 
@@ -57,11 +59,11 @@ impl PyLut {
         let lut = match &maps {
             MapPair::F32(xs, ys) => {
                 let (xs, ys) = (xs.as_slice()?, ys.as_slice()?);
-                py.detach(|| Lut::from_maps(xs, ys, columns, source_size))?
+                detached::run(py, || Lut::from_maps(xs, ys, columns, source_size))?
             }
             MapPair::F64(xs, ys) => {
                 let (xs, ys) = (xs.as_slice()?, ys.as_slice()?);
-                py.detach(|| Lut::from_maps(xs, ys, columns, source_size))?
+                detached::run(py, || Lut::from_maps(xs, ys, columns, source_size))?
             }
         };
         Ok(Self { lut })
@@ -81,7 +83,7 @@ impl PyLut {
         let matrix: Matrix3<f64> = matrix3("M", M)?;
         let size = super::convert::size("size", size)?;
         let source_size = super::convert::size("source_size", source_size)?;
-        Ok(Self { lut: py.detach(|| Lut::from_homography(&matrix, size, source_size))? })
+        Ok(Self { lut: detached::run(py, || Lut::from_homography(&matrix, size, source_size))? })
     }
 
     #[doc = help!("Lut.warp")]
@@ -138,13 +140,13 @@ impl PyLut {
     #[doc = help!("Lut.mask")]
     #[getter]
     fn mask<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<bool>>> {
-        let mask = py.detach(|| self.lut.mask());
+        let mask = detached::run(py, || self.lut.mask())?;
         PyArray1::from_vec(py, mask).reshape(self.shape())
     }
 
     #[doc = help!("Lut.sampling_density")]
     fn sampling_density<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray3<f32>>> {
-        let density = py.detach(|| self.lut.sampling_density())?;
+        let density = detached::run(py, || self.lut.sampling_density())?;
         let (rows, columns) = self.shape();
         PyArray1::from_vec(py, density).reshape((rows, columns, 2))
     }
@@ -157,7 +159,7 @@ impl PyLut {
         minimum: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyArray2<bool>>> {
         let minimum = minimum.map_or(Ok(0.5), |object| float("minimum", object))?;
-        let mask = py.detach(|| self.lut.resolved_mask(minimum))?;
+        let mask = detached::run(py, || self.lut.resolved_mask(minimum))?;
         PyArray1::from_vec(py, mask).reshape(self.shape())
     }
 
@@ -170,7 +172,7 @@ impl PyLut {
         outside: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<(Bound<'py, PyArray2<f32>>, Bound<'py, PyArray2<f32>>)> {
         let outside = outside.map_or(Ok(f64::NAN), |object| float("outside", object))?;
-        let (map_x, map_y) = py.detach(|| self.lut.maps(outside as f32));
+        let (map_x, map_y) = detached::run(py, || self.lut.maps(outside as f32))?;
         Ok((PyArray1::from_vec(py, map_x).reshape(self.shape())?, PyArray1::from_vec(py, map_y).reshape(self.shape())?))
     }
 
@@ -183,12 +185,13 @@ impl PyLut {
             return Err(ArgumentTypeError::new_err(message));
         };
         let bytes = bytes.as_bytes();
-        Ok(Self { lut: data.py().detach(|| Lut::from_bytes(bytes))? })
+        Ok(Self { lut: detached::run(data.py(), || Lut::from_bytes(bytes))? })
     }
 
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
-        let bytes = py.detach(|| self.lut.to_bytes());
-        Ok((py.get_type::<Self>().getattr("_from_bytes")?, PyTuple::new(py, [PyBytes::new(py, &bytes)])?))
+        let bytes = detached::run(py, || self.lut.to_bytes())?;
+        let bytes = new_bytes(py, &bytes)?;
+        Ok((py.get_type::<Self>().getattr("_from_bytes")?, PyTuple::new(py, [bytes])?))
     }
 
     fn __repr__(&self) -> String {
@@ -272,10 +275,25 @@ impl<'py> Job<'_, 'py> {
             None => self.image.new_output(rows, columns)?,
         };
         let mut write = out.write()?;
-        let mut outs = write.views::<T>();
-        py.detach(|| warp(self.lut, &views, &mut outs, &options))?;
+        let mut outs = write.views::<T>()?;
+        detached::run(py, || warp(self.lut, &views, &mut outs, &options))?;
         drop(outs);
         drop(write);
         Ok(self.out.given_or(out))
     }
+}
+
+/// The bytes as Python's.
+///
+/// # Errors
+/// `OutOfMemoryError`: where there is no memory, `PyBytes::new` panics.
+fn new_bytes<'py>(py: Python<'py>, bytes: &[u8]) -> PyResult<Bound<'py, PyBytes>> {
+    let made = PyBytes::new_with(py, bytes.len(), |own| {
+        own.copy_from_slice(bytes);
+        Ok(())
+    });
+    made.map_err(|error| match error.is_instance_of::<PyMemoryError>(py) {
+        true => Error::OutOfMemory { what: "Lut", bytes: bytes.len() }.into(),
+        false => error,
+    })
 }

@@ -29,8 +29,10 @@ mod camera_geometry;
 mod camera_readers;
 mod cloud;
 mod convert;
+mod detached;
 mod direct;
 mod dtype;
+mod each;
 mod error;
 mod geometry;
 mod grid;
@@ -47,6 +49,7 @@ mod raster;
 mod shapes;
 mod shared;
 
+use pyo3::exceptions::PyRuntimeWarning;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -83,9 +86,24 @@ mod core_module {
     #[pymodule_export]
     use super::{cpu_info, get_num_threads, set_num_threads};
 
+    #[pymodule_init]
+    fn init(module: &pyo3::Bound<'_, pyo3::types::PyModule>) -> pyo3::PyResult<()> {
+        match crate::parallel::ignored_variable() {
+            Some(message) => super::warn(module.py(), &message),
+            None => Ok(()),
+        }
+    }
+
     #[pymodule_export]
     #[expect(non_upper_case_globals, reason = "Python's name for a version")]
     const __version__: &str = env!("CARGO_PKG_VERSION");
+}
+
+/// Warns whoever imports the package.
+fn warn(py: Python<'_>, message: &str) -> PyResult<()> {
+    let category = py.get_type::<PyRuntimeWarning>();
+    py.import("warnings")?.call_method1("warn", (message, category))?;
+    Ok(())
 }
 
 #[doc = help!("get_num_threads")]
@@ -97,7 +115,8 @@ fn get_num_threads() -> usize {
 #[doc = help!("set_num_threads")]
 #[pyfunction]
 fn set_num_threads(n: &Bound<'_, PyAny>) -> PyResult<()> {
-    Ok(crate::set_num_threads(options::thread_count("n", n)?)?)
+    let threads = options::thread_count("n", n)?;
+    Ok(n.py().detach(|| crate::set_num_threads(threads))?)
 }
 
 #[doc = help!("cpu_info")]

@@ -8,12 +8,13 @@ use pyo3::types::{PyDict, PyList, PyString, PyTuple};
 
 use super::arrays;
 use super::convert::{Floats, MOST_ITEMS, count_text, float, items, tuple_text, type_name, word};
+use super::detached;
 use super::error::classes::{ArgumentError, ArgumentTypeError, DtypeError};
 use super::grid::PyBevGrid;
 use super::options::thread_count;
 use super::shared;
 use crate::raster::{Coordinates, RasterOptions, Real, Reduce, Strided, Values, rasterize_values};
-use crate::{BevGrid, raster};
+use crate::{BevGrid, buffer, raster};
 
 #[doc = help!("rasterize")]
 #[pyfunction]
@@ -44,7 +45,7 @@ pub(super) fn rasterize<'py>(
             if floats.values().is_empty() {
                 return Err(crate::Error::Slices { got: Vec::new() }.into());
             }
-            floats.values().to_vec()
+            buffer::copied("slices", floats.values())?
         }
         None => Vec::new(),
     };
@@ -77,7 +78,7 @@ struct Call<'a> {
 
 impl Call<'_> {
     fn z<'py, P: Real + Element>(&self, py: Python<'py>, points: &Strided<'_, P>) -> PyResult<Bound<'py, PyAny>> {
-        let raster = py.detach(|| raster::rasterize(points, None, &self.grid, self.options))?;
+        let raster = detached::run(py, || raster::rasterize(points, None, &self.grid, self.options))?;
         self.layers(py, raster, None)
     }
 
@@ -118,7 +119,7 @@ impl Call<'_> {
         values: &dyn Values<T>,
         channels: Option<usize>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let raster = py.detach(|| rasterize_values(points, values, &self.grid, self.options))?;
+        let raster = detached::run(py, || rasterize_values(points, values, &self.grid, self.options))?;
         self.layers(py, raster, channels)
     }
 

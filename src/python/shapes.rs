@@ -5,11 +5,12 @@ use pyo3::prelude::*;
 
 use super::arrays;
 use super::convert::{Floats, MOST_ITEMS, Whole, items_up_to, tuple_text, type_name, whole_number};
+use super::detached;
 use super::error::OrRefuse;
 use super::error::classes::{ArgumentError, ArgumentTypeError, DtypeError};
 use super::raster::grid;
 use crate::BevGrid;
-use crate::error::Error;
+use crate::buffer;
 use crate::raster::{box_corners, check_polygon, draw_polygon};
 
 #[doc = help!("rasterize_boxes")]
@@ -26,8 +27,11 @@ pub(super) fn rasterize_boxes<'py>(
     let polygons = {
         let floats = Floats::new("boxes", "an (N, 5) array (x, y, length, width, yaw)", boxes)?;
         let rows: &[[f64; 5]] = if floats.shape() == [0] { &[] } else { floats.rows::<5>("boxes")? };
-        let corners = |(index, &numbers): (usize, &_)| Ok(box_corners(numbers, index)?.to_vec());
-        rows.iter().enumerate().map(corners).collect::<PyResult<Vec<_>>>()?
+        let mut polygons = buffer::reserved("boxes", rows.len())?;
+        for (index, &numbers) in rows.iter().enumerate() {
+            polygons.push(buffer::copied("boxes", &box_corners(numbers, index)?)?);
+        }
+        polygons
     };
     draw(boxes.py(), &polygons, grid, labels, background, out)
 }
@@ -58,9 +62,9 @@ pub(super) fn rasterize_polygons<'py>(
         }
         let name = format!("polygons[{index}]");
         let floats = Floats::new(&name, "an (M, 2) array", &polygon.or_refuse(py, refuse)?)?;
-        let polygon = floats.rows::<2>(&name)?.to_vec();
+        let polygon = buffer::copied("polygons", floats.rows::<2>(&name)?)?;
         check_polygon(&polygon, index)?;
-        corners.push(polygon);
+        buffer::push("polygons", &mut corners, polygon)?;
     }
     draw(polygons.py(), &corners, grid, labels, background, out)
 }
@@ -79,14 +83,16 @@ fn draw<'py>(
 ) -> PyResult<Bound<'py, PyAny>> {
     let labels = match labels {
         Some(object) => labels_of(object, polygons.len())?,
-        None => (1..=polygons.len()).map(|index| i32::try_from(index).unwrap_or(i32::MAX)).collect(),
+        None => {
+            buffer::collected("labels", (0..polygons.len()).map(|index| i32::try_from(index + 1).unwrap_or(i32::MAX)))?
+        }
     };
     let shape = [grid.rows(), grid.columns()];
     let work = |cells: &mut [i32]| {
         for (index, (polygon, &label)) in polygons.iter().zip(&labels).enumerate() {
             draw_polygon(polygon, label, &grid, index, cells)?;
         }
-        Ok::<(), Error>(())
+        Ok(())
     };
     if let Some(object) = out {
         if background.is_some() {
@@ -96,16 +102,13 @@ fn draw<'py>(
         }
         let mut out = output(object, shape)?;
         let cells = out.as_slice_mut()?;
-        py.detach(|| work(cells))?;
+        detached::run(py, || work(cells))?;
         return Ok(object.clone());
     }
     let background = background.map_or(Ok(0), |object| label("background", object))?;
     let cells = shape[0] * shape[1];
-    let mut drawn = Vec::new();
-    let refuse = |_| Error::OutOfMemory { what: "rasterize", bytes: cells.saturating_mul(size_of::<i32>()) };
-    drawn.try_reserve_exact(cells).map_err(refuse)?;
-    drawn.resize(cells, background);
-    py.detach(|| work(&mut drawn))?;
+    let mut drawn = buffer::filled("rasterize", cells, background)?;
+    detached::run(py, || work(&mut drawn))?;
     Ok(PyArray1::from_vec(py, drawn).reshape(shape)?.into_any())
 }
 
@@ -144,7 +147,11 @@ fn labels_of(object: &Bound<'_, PyAny>, count: usize) -> PyResult<Vec<i32>> {
         let got = items.len();
         return Err(ArgumentError::new_err(format!("labels: expected one for each of the {count}, got {more}{got}")));
     }
-    items.iter().map(|item| label("labels", item)).collect()
+    let mut labels = buffer::reserved("labels", count)?;
+    for item in &items {
+        labels.push(label("labels", item)?);
+    }
+    Ok(labels)
 }
 
 /// A whole number that an int32 holds.

@@ -3,15 +3,16 @@
 //! Within a band the points keep their order, so every cell sees its points in the order in which they came, whatever the
 //! threads: the same sums, to the last bit, as block after block on one thread.
 
-use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
-use super::Census;
 use super::kernels::{Finder, NOWHERE, prefetch};
 use super::layers::Cells;
 use super::number::Real;
 use super::points::{BLOCK, Block, Source};
+use super::{Census, WHAT};
 
 use super::records::Record;
+use crate::buffer;
 use crate::cpu::Isa;
 use crate::error::Result;
 use crate::parallel;
@@ -36,8 +37,9 @@ struct Columns<T> {
 }
 
 impl<T: Real> Columns<T> {
-    fn new(channels: usize) -> Self {
-        Self { keys: Vec::new(), values: (0..channels).map(|_| Vec::new()).collect(), heights: Vec::new() }
+    fn new(channels: usize) -> Result<Self> {
+        let values = buffer::collected(WHAT, (0..channels).map(|_| Vec::new()))?;
+        Ok(Self { keys: Vec::new(), values, heights: Vec::new() })
     }
 }
 
@@ -49,6 +51,13 @@ struct Desk<T> {
     places: Vec<u32>,
 }
 
+impl<T: Real> Desk<T> {
+    fn new(channels: usize, wants_heights: bool) -> Result<Self> {
+        let blocks = (0..CHUNK / BLOCK).map(|_| Block::new(channels, wants_heights)).collect::<Result<_>>()?;
+        Ok(Self { blocks, places: Vec::new() })
+    }
+}
+
 /// The points of a chunk that have a cell, by bands, with their cells within the band.
 struct Chunk<T> {
     sorted: Columns<T>,
@@ -58,8 +67,8 @@ struct Chunk<T> {
 }
 
 impl<T: Real> Chunk<T> {
-    fn new(channels: usize) -> Self {
-        Self { sorted: Columns::new(channels), starts: [0; MAX_BANDS + 1], census: Census::default() }
+    fn new(channels: usize) -> Result<Self> {
+        Ok(Self { sorted: Columns::new(channels)?, starts: [0; MAX_BANDS + 1], census: Census::default() })
     }
 
     /// Reads points `first..end` and sorts them by bands of `1 << shift` cells.
@@ -71,7 +80,7 @@ impl<T: Real> Chunk<T> {
         isa: Isa,
         (first, end): (usize, usize),
         shift: u32,
-    ) {
+    ) -> Result<()> {
         let Desk { blocks, places } = desk;
         let band_of = |key: u32| (key >> shift) as usize % MAX_BANDS; // there are no more: no bounds to check
         let blocks = &mut blocks[..(end - first).div_ceil(BLOCK)];
@@ -92,10 +101,12 @@ impl<T: Real> Chunk<T> {
         }
         let (mask, count) = ((1u32 << shift) - 1, self.starts[MAX_BANDS] as usize);
         let Columns { keys, values, heights } = &mut self.sorted;
-        keys.resize(count, 0);
-        values.iter_mut().for_each(|column| column.resize(count, T::NAN));
+        buffer::resize(WHAT, keys, count, 0)?;
+        values.iter_mut().try_for_each(|column| buffer::resize(WHAT, column, count, T::NAN))?;
         let keys = &mut keys[..count]; // where they are does not change in the loops
-        heights.resize(if blocks.iter().all(|block| block.heights.is_empty()) { 0 } else { count }, 0.0);
+        let wanted = if blocks.iter().all(|block| block.heights.is_empty()) { 0 } else { count };
+        buffer::resize(WHAT, heights, wanted, 0.0)?;
+        buffer::room_for(WHAT, places, BLOCK)?;
         for block in blocks {
             places.clear();
             for &key in &block.keys {
@@ -109,6 +120,7 @@ impl<T: Real> Chunk<T> {
             }
             spread(places, &block.heights, heights);
         }
+        Ok(())
     }
 
     /// [`Chunk::fill`] where points carry nothing but z, as in most calls. Points without a cell go to a band of their own,
@@ -121,7 +133,7 @@ impl<T: Real> Chunk<T> {
         isa: Isa,
         (first, end): (usize, usize),
         shift: u32,
-    ) {
+    ) -> Result<()> {
         const _: () = assert!(NOWHERE == u32::MAX);
         let band_of = |key: u32| ((key >> shift) as usize).min(MAX_BANDS);
         let mut counts = [0u32; MAX_BANDS + 1];
@@ -134,8 +146,8 @@ impl<T: Real> Chunk<T> {
         }
         let (mut next, mask, count) = (self.starts, (1u32 << shift) - 1, end - first);
         let Columns { keys, values, .. } = &mut self.sorted;
-        keys.resize(count, 0);
-        values[0].resize(count, T::NAN);
+        buffer::resize(WHAT, keys, count, 0)?;
+        buffer::resize(WHAT, &mut values[0], count, T::NAN)?;
         let (keys, values) = (&mut keys[..count], &mut values[0][..count]); // they stay where they are in the loop
         for (key, z) in blocks.iter().flat_map(Block::found) {
             let next = &mut next[band_of(key)];
@@ -143,6 +155,7 @@ impl<T: Real> Chunk<T> {
             values[*next as usize] = T::from_f64(z);
             *next += 1;
         }
+        Ok(())
     }
 
     /// Asks for the points of a band, which lie apart from those of the chunk before.
@@ -212,29 +225,22 @@ pub(super) fn run<T: Real, R: Record<T>>(
 
     let point = size_of::<u32>() + if wants_heights { size_of::<f64>() } else { 0 } + channels * size_of::<T>();
     let chunks = (BATCH_BYTES / (CHUNK * point)).clamp(1, BATCH_CHUNKS).min(count.div_ceil(CHUNK));
-    let mut chunks: Vec<Chunk<T>> = (0..chunks).map(|_| Chunk::new(channels)).collect();
+    let mut chunks = (0..chunks).map(|_| Chunk::new(channels)).collect::<Result<Vec<Chunk<T>>>>()?;
     let batch = chunks.len() * CHUNK;
-    let (desks, works, failure) = (Shelf::new(), Shelf::new(), OnceLock::new());
+    let (desks, works) = (Shelf::new(), Shelf::new());
     for first in (0..count).step_by(batch) {
         let end = count.min(first + batch);
         let used = (end - first).div_ceil(CHUNK);
         parallel::for_each(threads, chunks[..used].iter_mut().enumerate(), |(i, chunk)| {
-            let mut desk = desks.take().unwrap_or_else(|| Desk {
-                blocks: (0..CHUNK / BLOCK).map(|_| Block::new(channels, wants_heights)).collect(),
-                places: Vec::new(),
-            });
+            let mut desk = desks.take().map_or_else(|| Desk::new(channels, wants_heights), Ok)?;
             let first = first + i * CHUNK;
-            chunk.fill(&mut desk, source, finder, isa, (first, end.min(first + CHUNK)), shift);
+            chunk.fill(&mut desk, source, finder, isa, (first, end.min(first + CHUNK)), shift)?;
             desks.put(desk);
-        });
+            Ok(())
+        })?;
         parallel::for_each(threads, bands.iter_mut().enumerate(), |(i, band)| {
-            if first == 0
-                && let Err(error) = band.begin(works.take().unwrap_or_default())
-            {
-                let _ = failure.set(error); // the first is as good as any
-            }
-            if failure.get().is_some() {
-                return;
+            if first == 0 {
+                band.begin(works.take().unwrap_or_default())?;
             }
             for (number, chunk) in chunks[..used].iter().enumerate() {
                 if let Some(next) = chunks[..used].get(number + 1) {
@@ -245,10 +251,8 @@ pub(super) fn run<T: Real, R: Record<T>>(
             if end == count {
                 works.put(band.finish(isa));
             }
-        });
+            Ok(())
+        })?;
     }
-    match failure.into_inner() {
-        Some(error) => Err(error),
-        None => Ok(chunks.iter().fold(Census::default(), |sum, chunk| sum + chunk.census)),
-    }
+    Ok(chunks.iter().fold(Census::default(), |sum, chunk| sum + chunk.census))
 }

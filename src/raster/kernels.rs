@@ -2,8 +2,11 @@
 //! instruction set (decision 0005). All operations are float64 and correctly rounded, nothing is fused, so all
 //! instruction sets give the same cells.
 
+use super::WHAT;
 use super::number::Real;
+use crate::buffer;
 use crate::cpu::{Body, Isa, run};
+use crate::error::Result;
 use crate::grid::BevGrid;
 
 /// Key of a point that has no cell.
@@ -25,10 +28,10 @@ pub(super) struct Finder {
 }
 
 impl Finder {
-    pub(super) fn new(grid: &BevGrid, edges: &[f64]) -> Self {
+    pub(super) fn new(grid: &BevGrid, edges: &[f64]) -> Result<Self> {
         let (rows, columns) = (grid.rows() as f64, grid.columns() as f64);
-        let edges = edges.to_vec();
-        Self { x: grid.x(), y: grid.y(), resolution: grid.resolution(), rows, columns, edges }
+        let edges = buffer::copied(WHAT, edges)?;
+        Ok(Self { x: grid.x(), y: grid.y(), resolution: grid.resolution(), rows, columns, edges })
     }
 
     /// Writes the key of every point, and returns how many have a cell, and how many are not finite.
@@ -174,7 +177,7 @@ mod tests {
         let (x, y, z) = (column(0), column(1), column(2));
         for &isa in Isa::available() {
             let mut keys = vec![7; points.len()];
-            let (found, bad) = Finder::new(grid, edges).keys(isa, [&x, &y, &z], &mut keys);
+            let (found, bad) = Finder::new(grid, edges).unwrap().keys(isa, [&x, &y, &z], &mut keys);
             assert_eq!(bad, points.iter().filter(|p| !p.iter().all(|v| v.is_finite())).count());
             assert_eq!(found, keys.iter().filter(|&&key| key != NOWHERE).count());
             for (point, key) in points.iter().zip(keys) {

@@ -3,10 +3,10 @@
 use super::kernels::prefetch;
 use super::number::Real;
 use super::records::Record;
-use super::zeroed::zeroed;
 use super::{Census, RasterOptions, Reduce};
+use crate::buffer::{self, Zeroable, zeroed};
 use crate::cpu::{Body, Isa, run};
-use crate::error::{Error, Result};
+use crate::error::Result;
 
 /// The layers of points, row 0 the farthest, column 0 the leftmost; those that were not asked for are `None`.
 ///
@@ -43,7 +43,7 @@ pub struct Raster<T> {
 impl<T: Real> Raster<T> {
     /// Layers of no points yet, in memory that is not touched.
     pub(super) fn new(options: &RasterOptions<'_>, shape: (usize, usize, usize), channels: usize) -> Result<Self> {
-        fn layer<E: super::number::Plain>(wanted: bool, count: usize) -> Result<Option<Vec<E>>> {
+        fn layer<E: Zeroable>(wanted: bool, count: usize) -> Result<Option<Vec<E>>> {
             if wanted { zeroed("rasterize", count).map(Some) } else { Ok(None) }
         }
         let cells = shape.0 * shape.1 * shape.2;
@@ -89,10 +89,7 @@ impl<R> Default for Work<R> {
 /// So many equal items.
 fn refill<E: Copy>(items: &mut Vec<E>, count: usize, item: E) -> Result<()> {
     items.clear();
-    let refuse = |_| Error::OutOfMemory { what: "rasterize", bytes: count.saturating_mul(size_of::<E>()) };
-    items.try_reserve_exact(count).map_err(refuse)?;
-    items.resize(count, item);
-    Ok(())
+    buffer::resize("rasterize", items, count, item)
 }
 
 /// Some cells, one after the other: what they collect, and the layers it goes to.

@@ -27,7 +27,6 @@ mod points;
 mod records;
 mod shapes;
 mod strided;
-mod zeroed;
 
 pub use layers::Raster;
 pub use number::{Cast, Real};
@@ -38,7 +37,10 @@ pub use strided::Strided;
 use crate::cpu::Isa;
 use crate::error::{Error, Result};
 use crate::grid::{BevGrid, MAX_CELLS};
-use crate::parallel;
+use crate::parallel::{self, check_interrupt};
+
+/// What memory is asked for, in errors.
+const WHAT: &str = "rasterize";
 
 use kernels::Finder;
 use layers::{Cells, Work};
@@ -117,7 +119,8 @@ impl RasterOptions<'_> {
         }
         let ascending = self.slices.windows(2).all(|edge| edge[0] < edge[1]);
         if self.slices.len() == 1 || !ascending || !self.slices.iter().all(|edge| edge.is_finite()) {
-            return Err(Error::Slices { got: self.slices.to_vec() });
+            // no more than a message shows
+            return Err(Error::Slices { got: self.slices[..self.slices.len().min(100)].to_vec() });
         }
         Ok(())
     }
@@ -184,7 +187,7 @@ fn collect<T: Real, R: Record<T>>(
         return Err(Error::TooManyCells { what: "rasterize", rows, columns: grid.columns() as f64, limit: MAX_CELLS });
     }
     let isa = Isa::active()?;
-    let finder = Finder::new(grid, options.slices);
+    let finder = Finder::new(grid, options.slices)?;
     let wants_heights = options.reduce.contains(&Reduce::Top);
     let mut raster = Raster::new(options, (slices, grid.rows(), grid.columns()), source.channels())?;
     let cells = Cells::<T, R>::new(&mut raster, options.density_full);
@@ -231,10 +234,11 @@ fn whole<T: Real, R: Record<T>>(
     wants_heights: bool,
 ) -> Result<Census> {
     let mut census = Census::default();
-    let mut block = Block::new(source.channels(), wants_heights);
+    let mut block = Block::new(source.channels(), wants_heights)?;
     cells.begin(Work::default())?;
     let count = source.points.rows();
     for first in (0..count).step_by(BLOCK) {
+        check_interrupt()?;
         census += block.read(source, finder, isa, first, BLOCK.min(count - first));
         cells.add::<true>(&block.keys, block.values.iter().map(Vec::as_slice), &block.heights);
     }

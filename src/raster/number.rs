@@ -1,16 +1,10 @@
 //! The numbers of points, values and layers.
 
-/// Types of which zero bytes are a value: memory of theirs can be asked for zeroed.
-pub(super) trait Plain: Copy + Send + Sync + 'static {}
-
-impl Plain for i32 {}
-impl Plain for u32 {}
-impl Plain for f32 {}
-impl Plain for f64 {}
+use crate::buffer::Zeroable;
 
 /// Numbers of points and layers: f32 and f64.
 #[expect(private_bounds, reason = "nobody else makes numbers")]
-pub trait Real: Plain + PartialOrd {
+pub trait Real: Zeroable + PartialOrd {
     /// What an empty cell holds.
     const NAN: Self;
     /// The same number in float64.

@@ -3,7 +3,8 @@
 use super::kernels::{Finder, NOWHERE, Unpack};
 use super::number::{Cast, Real};
 use super::strided::Strided;
-use super::{Census, MAX_POINTS, RasterOptions, Reduce};
+use super::{Census, MAX_POINTS, RasterOptions, Reduce, WHAT};
+use crate::buffer;
 use crate::cpu::{Isa, run};
 use crate::error::{Error, Result};
 
@@ -135,18 +136,25 @@ pub(super) struct Block<T> {
 
 impl<T: Real> Block<T> {
     /// A block of points with so many values each, of which the heights are kept if they are wanted.
-    pub(super) fn new(channels: usize, wants_heights: bool) -> Self {
-        let zeros = || vec![0.0; BLOCK];
-        Self {
-            coordinates: [zeros(), zeros(), zeros()],
-            count: 0,
-            all_keys: vec![NOWHERE; BLOCK],
-            positions: Vec::with_capacity(BLOCK),
-            keys: Vec::with_capacity(BLOCK),
-            values: (0..channels).map(|_| Vec::with_capacity(BLOCK)).collect(),
-            heights: Vec::with_capacity(BLOCK),
-            wants_heights,
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`]: there may be any number of channels.
+    pub(super) fn new(channels: usize, wants_heights: bool) -> Result<Self> {
+        let zeros = || buffer::zeroed(WHAT, BLOCK);
+        let mut values = buffer::reserved(WHAT, channels)?;
+        for _ in 0..channels {
+            values.push(buffer::reserved(WHAT, BLOCK)?);
         }
+        Ok(Self {
+            coordinates: [zeros()?, zeros()?, zeros()?],
+            count: 0,
+            all_keys: buffer::filled(WHAT, BLOCK, NOWHERE)?,
+            positions: buffer::reserved(WHAT, BLOCK)?,
+            keys: buffer::reserved(WHAT, BLOCK)?,
+            values,
+            heights: buffer::reserved(WHAT, BLOCK)?,
+            wants_heights,
+        })
     }
 
     /// Whether points carry their z and nothing else, so that [`Block::found`] says all of them.

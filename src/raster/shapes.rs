@@ -1,7 +1,10 @@
 //! Boxes and polygons onto a grid: labels of the cells whose centres are inside.
 
+use super::WHAT;
+use crate::buffer;
 use crate::error::{Error, Result};
 use crate::grid::BevGrid;
+use crate::parallel::check_interrupt;
 
 /// Coordinates beyond this, metres, are taken for a mistake: differences of larger ones lose the cells.
 const FARTHEST: f64 = 1e9;
@@ -50,7 +53,7 @@ pub fn draw_polygon(corners: &[[f64; 2]], label: i32, grid: &BevGrid, index: usi
     let centre_y = |column: usize| y_max - (column as f64 + 0.5) * dy;
 
     // the edges by the first row whose centre they reach, from far to near
-    let mut edges: Vec<Edge> = Vec::new();
+    let mut edges: Vec<Edge> = buffer::reserved(WHAT, corners.len())?;
     for (i, &near) in corners.iter().enumerate() {
         let far = corners[(i + 1) % corners.len()];
         let (near, far) = if near[0] <= far[0] { (near, far) } else { (far, near) };
@@ -61,12 +64,16 @@ pub fn draw_polygon(corners: &[[f64; 2]], label: i32, grid: &BevGrid, index: usi
             edges.push(Edge { first, end, near, far });
         }
     }
-    edges.sort_by_key(|edge| edge.first);
+    edges.sort_unstable_by_key(|edge| edge.first);
 
-    let (mut waiting, mut active): (_, Vec<Edge>) = (edges.into_iter().peekable(), Vec::new());
-    let mut crossings = Vec::new();
+    let (mut waiting, mut active): (_, Vec<Edge>) = {
+        let count = edges.len();
+        (edges.into_iter().peekable(), buffer::reserved(WHAT, count)?)
+    };
+    let mut crossings = buffer::reserved(WHAT, active.capacity())?;
     let Some(mut row) = waiting.peek().map(|edge| edge.first) else { return Ok(()) };
     while row < grid.rows() {
+        check_interrupt()?;
         active.retain(|edge| edge.end > row);
         while let Some(edge) = waiting.next_if(|edge| edge.first <= row) {
             active.push(edge);
@@ -80,7 +87,7 @@ pub fn draw_polygon(corners: &[[f64; 2]], label: i32, grid: &BevGrid, index: usi
         }
         crossings.clear();
         crossings.extend(active.iter().map(|edge| edge.y_at(centre_x(row))));
-        crossings.sort_by(f64::total_cmp);
+        crossings.sort_unstable_by(f64::total_cmp);
         let cells = &mut out[row * grid.columns()..][..grid.columns()];
         for pair in crossings.as_chunks::<2>().0 {
             // columns whose centre y has right < y <= left

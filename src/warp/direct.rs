@@ -6,6 +6,7 @@ use nalgebra::Matrix3;
 
 use super::kernels::{ExactBlend, ExactKernels, Float, RowKernels, Source};
 use super::{Bilinear, Interpolation, WarpOptions, warp_segments};
+use crate::buffer;
 use crate::camera::check_image_size;
 use crate::cpu::Isa;
 use crate::error::{Error, Result};
@@ -155,10 +156,10 @@ pub(super) fn exact<T: ExactBlend<F>, F: Float>(warp: &Direct<'_, T>, out: &mut 
     run(
         warp,
         out,
-        |_| Kinds::default(),
+        |_| Ok(Kinds::default()),
         |kinds, row, source, cells| {
             let channels = source.channels();
-            for (kind, own) in kinds.sort(isa, row) {
+            for (kind, own) in kinds.sort(isa, row)? {
                 let cells = &mut cells[own.start * channels..own.end * channels];
                 let coordinates = [&row.us[own.clone()], &row.vs[own]];
                 match kind {
@@ -167,6 +168,7 @@ pub(super) fn exact<T: ExactBlend<F>, F: Float>(warp: &Direct<'_, T>, out: &mut 
                     RunKind::Rim | RunKind::Halo => kernels.edge(source, coordinates, cells),
                 }
             }
+            Ok(())
         },
     )
 }
@@ -181,11 +183,14 @@ struct Packed {
 /// Each row is packed as those of a table are, and warped at once.
 fn by_taps<T: Sample>(warp: &Direct<'_, T>, out: &mut ImageViewMut<'_, T>, kernels: &RowKernels<T>) -> Result<()> {
     let isa = warp.options.isa()?;
-    let packed =
-        |columns| Packed { taps: vec![Tap::default(); columns], runs: RowRuns::default(), kinds: Kinds::default() };
+    let packed = |columns| {
+        let taps = buffer::filled("out", columns, Tap::default())?;
+        Ok(Packed { taps, runs: RowRuns::default(), kinds: Kinds::default() })
+    };
     run(warp, out, packed, |Packed { taps, runs, kinds }, row, source, cells| {
-        runs.repack(isa, row, taps, kinds);
+        runs.repack(isa, row, taps, kinds)?;
         warp_segments(runs.segments(0, taps), source, cells, kernels, false);
+        Ok(())
     })
 }
 
@@ -205,8 +210,8 @@ pub fn inverse_homography(m: &Matrix3<f64>) -> Result<Matrix3<f64>> {
 fn run<T: Sample, S>(
     warp: &Direct<'_, T>,
     out: &mut ImageViewMut<'_, T>,
-    scratch: impl Fn(usize) -> S + Sync,
-    fill: impl Fn(&mut S, Sampled<'_>, &Source<'_, T>, &mut [T]) + Sync,
+    scratch: impl Fn(usize) -> Result<S> + Sync,
+    fill: impl Fn(&mut S, Sampled<'_>, &Source<'_, T>, &mut [T]) -> Result<()> + Sync,
 ) -> Result<()> {
     let Direct { image, mapping, border_mode, options } = warp;
     let (rows, columns, channels) = out.shape();
@@ -219,19 +224,19 @@ fn run<T: Sample, S>(
     let border = options.border(image.channels(), 1)?;
     let (threads, isa) = (options.threads_for(rows * columns, channels)?, options.isa()?);
     let source = Source::new(image, &border);
-    let whole: Row = (0..columns).map(|column| column as f64).collect();
+    let whole = Row::collected((0..columns).map(|column| column as f64))?;
     let bands = out.bands(parallel::rows_per_band(rows, columns, threads));
     parallel::for_each(threads, bands, |(first, band)| {
-        let (mut us, mut vs) = (Row::filled(columns, 0.0), Row::filled(columns, 0.0));
-        let mut scratch = scratch(columns);
+        let (mut us, mut vs) = (Row::filled(columns, 0.0)?, Row::filled(columns, 0.0)?);
+        let mut scratch = scratch(columns)?;
         for (row, cells) in (first..).zip(band) {
             mapping.fill(isa, row, &whole, &mut us, &mut vs);
             border_mode.fold(&mut us, image.width());
             border_mode.fold(&mut vs, image.height());
-            fill(&mut scratch, Sampled { us: &us, vs: &vs, source: source_size }, &source, cells);
+            fill(&mut scratch, Sampled { us: &us, vs: &vs, source: source_size }, &source, cells)?;
         }
-    });
-    Ok(())
+        Ok(())
+    })
 }
 
 #[cfg(test)]

@@ -13,6 +13,7 @@ pub use options::{Interpolation, WarpOptions};
 use std::borrow::Cow;
 use std::slice;
 
+use crate::buffer;
 use crate::error::{Error, Result};
 use crate::image::{ImageView, ImageViewMut, RowsMut, Sample};
 use crate::lut::Lut;
@@ -33,10 +34,7 @@ impl Lut {
     pub fn warp<T: Bilinear>(&self, image: &ImageView<'_, T>, options: &WarpOptions<T>) -> Result<Vec<T>> {
         self.check_images(slice::from_ref(image), options)?;
         let samples = self.rows() * self.columns() * image.channels();
-        let mut out = Vec::new();
-        out.try_reserve_exact(samples)
-            .map_err(|_| Error::OutOfMemory { what: "out", bytes: samples.saturating_mul(size_of::<T>()) })?;
-        out.resize(samples, T::default());
+        let mut out = buffer::filled("out", samples, T::default())?;
         let size = (self.columns(), self.rows());
         self.warp_into(image, &mut ImageViewMut::new(&mut out, size, image.channels())?, options)?;
         Ok(out)
@@ -179,15 +177,18 @@ fn run<T: Sample>(
             for (index, out) in (job * together..).zip(outs) {
                 warp_band(index, 0, out.rows());
             }
-        });
+            Ok(())
+        })
     } else {
         // band by band through all images: they share the band of the table while the caches hold it
         let count = outs.len();
-        let mut bands: Vec<_> = outs.iter_mut().map(|out| out.bands(band_rows)).collect();
+        let mut bands = buffer::collected("out", outs.iter_mut().map(|out| out.bands(band_rows)))?;
         let jobs = (0..).map_while(|job| Some((job % count, bands[job % count].next()?)));
-        parallel::for_each(threads, jobs, |(index, (first, band))| warp_band(index, first, band));
+        parallel::for_each(threads, jobs, |(index, (first, band))| {
+            warp_band(index, first, band);
+            Ok(())
+        })
     }
-    Ok(())
 }
 
 /// Where most cells are outside, the border value goes into so many bytes at once and the others are written over it:

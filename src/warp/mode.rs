@@ -2,13 +2,14 @@
 //! nothing and of which nearest loses what is thinner than a cell.
 
 use super::{WarpOptions, check};
+use crate::buffer;
 use crate::cpu::Isa;
 use crate::error::{Error, Result};
 use crate::image::{ImageView, ImageViewMut, RowsMut, Sample};
 use crate::lut::Lut;
 use crate::lut::area::{Coordinates, Q, Shape, Sides, check_sides};
 use crate::lut::table::{RunKind, Segment};
-use crate::parallel;
+use crate::parallel::{self, check_interrupt};
 use crate::warp::kernels::{RowKernels, Source};
 
 /// Ids that an image may have.
@@ -37,7 +38,7 @@ impl Lut {
         check_sides(self.source_size())?;
         let kernels = options.nearest_kernels(images)?;
         let isa = options.isa()?;
-        let labels = images.iter().map(Labels::new).collect::<Result<Vec<_>>>()?;
+        let labels = labels_of(images)?;
         let (rows, columns, channels) = (self.rows(), self.columns(), images[0].channels());
         let threads = options.threads_for(rows * columns * images.len(), channels)?;
         let band_rows = parallel::rows_per_band(rows, columns, threads);
@@ -45,10 +46,19 @@ impl Lut {
             let own = if border.len() == channels { 0 } else { index % border.len() };
             let source = Source::new(labels.image, &border[own..own + channels]);
             let job = Job { lut: self, isa, labels, source: &source, kernels: &kernels };
-            parallel::for_each(threads, out.bands(band_rows), |(first, band)| job.run(first, band));
+            parallel::for_each(threads, out.bands(band_rows), |(first, band)| job.run(first, band))?;
         }
         Ok(())
     }
+}
+
+/// The images as labels, none of which has too many ids.
+fn labels_of<'a, T: Sample + Ord>(images: &'a [ImageView<'a, T>]) -> Result<Vec<Labels<'a, T>>> {
+    let mut all = buffer::reserved("mode", images.len())?;
+    for image in images {
+        all.push(Labels::new(image)?);
+    }
+    Ok(all)
 }
 
 /// An image whose pixels are also known as places in a list of ids.
@@ -69,27 +79,32 @@ impl<'a, T: Sample + Ord> Labels<'a, T> {
         let rows = || (0..image.height()).map(row);
         let mut ids: Vec<T> = Vec::new();
         let mut last = None;
-        for &id in rows().flatten() {
-            if last == Some(id) {
-                continue; // labels come in areas
-            }
-            last = Some(id);
-            if let Err(place) = ids.binary_search(&id) {
-                if ids.len() == MAX_IDS {
-                    return Err(Error::TooManyIds { limit: MAX_IDS });
+        for row in rows() {
+            check_interrupt()?;
+            for &id in row {
+                if last == Some(id) {
+                    continue; // labels come in areas
                 }
-                ids.insert(place, id);
+                last = Some(id);
+                if let Err(place) = ids.binary_search(&id) {
+                    if ids.len() == MAX_IDS {
+                        return Err(Error::TooManyIds { limit: MAX_IDS });
+                    }
+                    ids.insert(place, id);
+                }
             }
         }
         let samples = image.width() * image.height() * image.channels();
-        let mut places = Vec::new();
-        places.try_reserve_exact(samples).map_err(|_| Error::OutOfMemory { what: "mode", bytes: samples })?;
+        let mut places = buffer::reserved("mode", samples)?;
         let mut last = (ids[0], 0);
-        for &id in rows().flatten() {
-            if id != last.0 {
-                last = (id, ids.partition_point(|&other| other < id) as u8);
+        for row in rows() {
+            check_interrupt()?;
+            for &id in row {
+                if id != last.0 {
+                    last = (id, ids.partition_point(|&other| other < id) as u8);
+                }
+                places.push(last.1);
             }
-            places.push(last.1);
         }
         Ok(Self { image, ids, places })
     }
@@ -105,10 +120,10 @@ struct Job<'a, T> {
 }
 
 impl<T: Sample + Ord> Job<'_, T> {
-    fn run(&self, first: usize, rows: RowsMut<'_, T>) {
+    fn run(&self, first: usize, rows: RowsMut<'_, T>) -> Result<()> {
         let (table, channels) = (self.lut.table(), self.source.channels());
-        let mut near = Coordinates::three(self.isa, table, first);
-        let mut sides = Sides::new(table.columns());
+        let mut near = Coordinates::three(self.isa, table, first)?;
+        let mut sides = Sides::new(table.columns())?;
         let mut votes = Votes { counts: [0; MAX_IDS], seen: Vec::with_capacity(MAX_IDS) };
         for (row, cells) in (first..).zip(rows) {
             near[2].read(self.isa, table, Some(row + 1));
@@ -121,6 +136,7 @@ impl<T: Sample + Ord> Job<'_, T> {
             }
             near.rotate_left(1);
         }
+        Ok(())
     }
 
     fn nearest(&self, segment: Segment<'_>, cells: &mut [T]) {

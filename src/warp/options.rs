@@ -3,6 +3,7 @@
 use std::borrow::Cow;
 
 use super::kernels::{Bilinear, RowKernels};
+use crate::buffer;
 use crate::cpu::Isa;
 use crate::error::{Error, Result};
 use crate::image::{ImageView, Sample};
@@ -113,7 +114,7 @@ impl<T: Copy> WarpOptions<T> {
     pub(super) fn border(&self, channels: usize, images: usize) -> Result<Cow<'_, [T]>> {
         self.check_border(channels, images)?;
         match *self.border_value {
-            [value] if channels > 1 => Ok(Cow::Owned(vec![value; channels])),
+            [value] if channels > 1 => Ok(Cow::Owned(buffer::filled("border_value", channels, value)?)),
             _ => Ok(Cow::Borrowed(&self.border_value)),
         }
     }

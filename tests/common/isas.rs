@@ -267,7 +267,7 @@ impl<T: ipm_rs::Bilinear> Job<T> {
     /// Bilinear without a table, by the maps of one.
     pub(crate) fn direct() -> Self {
         let warp: Warp<T> = |lut, view, out, options| {
-            let (map_x, map_y) = lut.maps(f32::NAN);
+            let (map_x, map_y) = lut.maps(f32::NAN).expect("memory for the maps");
             warp_direct_into(view, &Mapping::MapsF32(&map_x, &map_y), out, BorderMode::Constant, options)
         };
         Self { warp, interpolation: Interpolation::Bilinear }

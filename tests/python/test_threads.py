@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import concurrent.futures
 import faulthandler
+import itertools
 import multiprocessing
 import os
 import signal
@@ -11,10 +12,11 @@ import subprocess
 import sys
 import threading
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
-from helpers import same, textured
+from helpers import refuses, same, textured
 
 import ipm_rs
 
@@ -91,6 +93,159 @@ def test_no_more_threads_than_asked_for():
 def test_any_number_of_threads_may_be_asked_for(seed_lut, four_threads, threads):
     image = textured(1024, 2048)
     assert same(seed_lut.warp(image, threads=threads), seed_lut.warp(image, threads=1))
+
+
+@pytest.mark.parametrize("value", ["abc", "0", "-1", "2.5", "1025", "1" + 30 * "0", "0x4"])
+def test_a_number_of_threads_that_is_none_is_told_once_and_not_heeded(value):
+    code = "import ipm_rs; ipm_rs.set_num_threads; print(ipm_rs.get_num_threads(), ipm_rs.get_num_threads())"
+    done = subprocess.run(
+        [sys.executable, "-W", "always", "-c", code],
+        env={**os.environ, "IPM_RS_NUM_THREADS": value},
+        capture_output=True,
+        text=True,
+        timeout=TIMEOUT,
+        check=True,
+    )
+    told = [line for line in done.stderr.splitlines() if "IPM_RS_NUM_THREADS" in line]
+    assert len(told) == 1, done.stderr
+    assert "RuntimeWarning" in told[0] and f'"{value}"' in told[0] and "1 to 1024" in told[0]
+    expected = run("import ipm_rs; print(ipm_rs.get_num_threads())", IPM_RS_NUM_THREADS="")
+    assert done.stdout.split() == [expected] * 2
+
+
+@pytest.mark.parametrize("value", ["", "  ", "3", " 3 ", "1024"])
+def test_a_number_of_threads_that_is_one_is_not_remarked_on(value):
+    code = "import warnings; warnings.simplefilter('error'); import ipm_rs; print(ipm_rs.get_num_threads())"
+    count = run(code, IPM_RS_NUM_THREADS=value)
+    assert count == value.strip() or not value.strip()
+
+
+def test_more_threads_than_can_be_of_use_are_refused():
+    before = ipm_rs.get_num_threads()
+    for count in (1025, 10**9, 10**30):
+        with refuses(ipm_rs.ArgumentError, "at most 1024"):
+            ipm_rs.set_num_threads(count)
+    assert ipm_rs.get_num_threads() == before
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# given back
+
+
+def tasks() -> int:
+    """Threads of this process, whoever made them."""
+    return sum(1 for _ in Path("/proc/self/task").iterdir())
+
+
+@linux
+def test_threads_of_sizes_that_were_tried_are_given_back(seed_lut, four_threads):
+    image = textured(1024, 2048)
+    expected = seed_lut.warp(image, threads=1)
+    ipm_rs.set_num_threads(1)  # which needs no pool
+    alone = tasks()
+    for count in [*range(2, 40), 1, 17, 3]:
+        ipm_rs.set_num_threads(count)
+        assert same(seed_lut.warp(image, threads=count), expected)
+        assert tasks() - alone == count - 1  # the others were waited for, not merely told
+
+
+@linux
+def test_sizes_that_change_while_others_warp(seed_lut, four_threads):
+    image = textured(1024, 2048, 3)
+    expected = seed_lut.warp(image, threads=1)
+    ipm_rs.set_num_threads(1)
+    alone = tasks()
+    stop = threading.Event()
+
+    def resize() -> None:
+        for count in itertools.cycle([2, 9, 1, 5]):
+            if stop.is_set():
+                return
+            ipm_rs.set_num_threads(count)
+
+    resizer = threading.Thread(target=resize)
+    resizer.start()
+    try:
+        with concurrent.futures.ThreadPoolExecutor(4) as pool:
+            for got in pool.map(lambda count: seed_lut.warp(image, threads=count), [2, 3, 5, 8] * 25):
+                assert same(got, expected)
+    finally:
+        stop.set()
+        resizer.join()
+    ipm_rs.set_num_threads(2)
+    seed_lut.warp(image)
+    assert tasks() - alone == 1
+
+
+STRESS = """if True:
+    import os, random, resource, signal, sys, threading, time, numpy as np, ipm_rs
+    column, row = np.meshgrid(np.linspace(0, 99, 500), np.linspace(0, 99, 400))
+    lut = ipm_rs.Lut.from_maps(column, row, source_size=(100, 100))
+    image = np.random.default_rng(0).integers(0, 255, (100, 100, 3)).astype(np.uint8)
+    expected = lut.warp(image, threads=1)
+    end, wrong, calls, signals, forks = time.monotonic() + SECONDS, [], 0, 0, 0
+
+    def handle(number, frame):
+        global signals
+        signals += 1
+        if not (lut.warp(image, threads=2) == expected).all():
+            wrong.append("in a handler")
+
+    def work(seed):
+        global calls
+        choose = random.Random(seed)
+        while time.monotonic() < end:
+            if not (lut.warp(image, threads=choose.choice([None, 1, 2, 7])) == expected).all():
+                wrong.append("in a thread")
+            calls += 1
+            if choose.random() < 0.1:
+                ipm_rs.set_num_threads(choose.choice([1, 2, 3, 12]))
+
+    signal.signal(signal.SIGALRM, handle)
+    signal.setitimer(signal.ITIMER_REAL, 0.05, 0.1)
+    workers = [threading.Thread(target=work, args=(seed,)) for seed in range(3)]
+    for worker in workers:
+        worker.start()
+    resident = lambda: int(open("/proc/self/statm").read().split()[1]) * resource.getpagesize()
+    early = None
+    batch = np.broadcast_to(image, (6, *image.shape))
+    outs = np.empty((6, *lut.shape, 3), np.uint8)
+    while time.monotonic() < end:
+        lut.warp(batch, layout="NHWC", interpolation="mode", out=outs, threads=1)  # long enough to look for signals
+        child = os.fork()
+        if child == 0:
+            signal.setitimer(signal.ITIMER_REAL, 0)
+            signal.signal(signal.SIGALRM, signal.SIG_DFL)
+            signal.alarm(20)
+            ipm_rs.set_num_threads(3)
+            os._exit(0 if (lut.warp(image, threads=3) == expected).all() else 1)
+        forks += 1
+        status = os.waitpid(child, 0)[1]
+        if status:
+            wrong.append(f"in a child: {status}")
+        early = early or (resident() if time.monotonic() > end - SECONDS * 0.6 else None)
+    for worker in workers:
+        worker.join()
+    signal.setitimer(signal.ITIMER_REAL, 0)
+    grown = resident() - (early or resident())
+    print(len(wrong), wrong[:3], calls, signals, forks, grown, flush=True)
+    assert not wrong and grown < 32 << 20 and forks > 0 and signals > 3
+"""
+
+
+@linux
+@forks
+def test_threads_forks_sizes_and_signals_together():
+    """For some seconds; IPM_RS_STRESS_SECONDS says how many."""
+    seconds = os.environ.get("IPM_RS_STRESS_SECONDS", "4")
+    done = subprocess.run(
+        [sys.executable, "-W", "ignore", "-c", STRESS.replace("SECONDS", seconds)],
+        capture_output=True,
+        text=True,
+        timeout=TIMEOUT + 2 * float(seconds),
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
 
 
 # ---------------------------------------------------------------------------------------------------------------------

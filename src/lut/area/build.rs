@@ -9,6 +9,7 @@ use super::needs::Needs;
 use super::reach::Reaches;
 use super::samples::{BATCH, Samples};
 use super::{Band, BlockRow, Coordinates, Plan, Run};
+use crate::buffer;
 use crate::cpu::Isa;
 use crate::error::{Error, Result};
 use crate::lut::table::Table;
@@ -19,6 +20,9 @@ const MAX_SIDE: u32 = 1 << 20;
 
 /// Plans of fewer cells are made on the caller's thread.
 const INLINE_CELLS: usize = 1 << 14;
+
+/// What memory is asked for, in errors.
+const WHAT: &str = "area";
 
 /// A thread makes the plan of about so many cells at once.
 const BAND_CELLS: usize = 1 << 15;
@@ -35,19 +39,24 @@ impl Plan {
     /// The plan of a table.
     ///
     /// # Errors
-    /// [`Error::AreaSize`].
+    /// [`Error::AreaSize`], [`Error::OutOfMemory`] and [`Error::Interrupted`].
     pub(crate) fn new(isa: Isa, table: &Table) -> Result<Self> {
         check_sides(table.source())?;
         let (rows, columns) = (table.rows(), table.columns());
         let band_rows = BAND_CELLS.div_ceil(Size::MOST_ROWS * columns) * Size::MOST_ROWS;
-        let mut jobs: Vec<_> = (0..rows.div_ceil(band_rows)).map(|_| None).collect();
+        let mut jobs = buffer::collected(WHAT, (0..rows.div_ceil(band_rows)).map(|_| None))?;
         let threads = if rows * columns < INLINE_CELLS { 1 } else { parallel::num_threads() };
         parallel::for_each(threads, jobs.iter_mut().enumerate(), |(index, job)| {
             let first = index * band_rows;
-            *job = Some(Builder::new(isa, table).run(first..(first + band_rows).min(rows)));
-        });
-        let (bands, needs): (Vec<_>, Vec<_>) = jobs.into_iter().flatten().unzip();
-        Ok(Self { levels: Needs::merged(needs).levels(), bands, band_rows, ..Self::default() })
+            *job = Some(Builder::new(isa, table)?.run(first..(first + band_rows).min(rows))?);
+            Ok(())
+        })?;
+        let (mut bands, mut needs) = (buffer::reserved(WHAT, jobs.len())?, buffer::reserved(WHAT, jobs.len())?);
+        for (band, need) in jobs.into_iter().flatten() {
+            bands.push(band);
+            needs.push(need);
+        }
+        Ok(Self { levels: Needs::merged(needs)?.levels()?, bands, band_rows, ..Self::default() })
     }
 }
 
@@ -70,27 +79,32 @@ struct Builder<'a> {
 }
 
 impl<'a> Builder<'a> {
-    fn new(isa: Isa, table: &'a Table) -> Self {
+    fn new(isa: Isa, table: &'a Table) -> Result<Self> {
         let batches = table.columns().div_ceil(Size::FEWEST_COLUMNS).div_ceil(BATCH);
-        Self {
+        let mut near = [const { None }; Size::MOST_ROWS + 2];
+        for row in &mut near {
+            *row = Some(Coordinates::none(table)?);
+        }
+        Ok(Self {
             isa,
             table,
             band: Band::default(),
             needs: Needs::default(),
-            near: std::array::from_fn(|_| Coordinates::none(table)),
-            extremes: Extremes::new(table.columns()),
+            near: near.map(|row| row.expect("each was made")),
+            extremes: Extremes::new(table.columns())?,
             samples: Samples::default(),
             fitted: Fitted::default(),
             change: Change::default(),
             first_seen: 0,
-            reaches: vec![Reaches::default(); batches],
-        }
+            reaches: buffer::filled(WHAT, batches, Reaches::default())?,
+        })
     }
 
     /// Makes the plan of rows of cells.
-    fn run(mut self, rows: Range<usize>) -> (Band, Needs) {
+    fn run(mut self, rows: Range<usize>) -> Result<(Band, Needs)> {
         // no page is touched that is not needed
-        self.band.blocks.reserve(rows.len().div_ceil(Size::FEWEST_ROWS) * self.table.columns().div_ceil(LANES));
+        let most = rows.len().div_ceil(Size::FEWEST_ROWS) * self.table.columns().div_ceil(LANES);
+        buffer::room_for(WHAT, &mut self.band.blocks, most)?;
         let (last, next) = (Size::MOST_ROWS, Size::MOST_ROWS + 1);
         self.near[last].read(self.isa, self.table, rows.start.checked_sub(1));
         self.near[next].read(self.isa, self.table, Some(rows.start));
@@ -100,15 +114,15 @@ impl<'a> Builder<'a> {
             for (near, row) in self.near[2..].iter_mut().zip(first + 1..) {
                 near.read(self.isa, self.table, Some(row));
             }
-            self.add_rows((rows.end - first).min(Size::MOST_ROWS));
+            self.add_rows((rows.end - first).min(Size::MOST_ROWS))?;
         }
-        self.needs.flush(self.table.source().1);
+        self.needs.flush(self.table.source().1)?;
         self.band.blocks.shrink_to_fit();
-        (self.band, self.needs)
+        Ok((self.band, self.needs))
     }
 
     /// Appends the blocks of so many rows of cells; they are as large as the sides of their footprints allow.
-    fn add_rows(&mut self, rows: usize) {
+    fn add_rows(&mut self, rows: usize) -> Result<()> {
         let (mut first, end) = (0, rows.next_multiple_of(Size::FEWEST_ROWS));
         while first < rows {
             let begin = self.band.blocks.len();
@@ -119,19 +133,20 @@ impl<'a> Builder<'a> {
                     continue;
                 }
                 self.band.blocks.truncate(begin);
-                let (first_block, fits) = self.add_blocks(size, first);
+                let (first_block, fits) = self.add_blocks(size, first)?;
                 if fits {
-                    self.add_row(size, first_block, begin);
+                    self.add_row(size, first_block, begin)?;
                     first += size.rows();
                     break;
                 }
             }
         }
+        Ok(())
     }
 
     /// Appends the blocks of a row of them, whose first row of cells is the `first`-th. Tells the number of the first that is
     /// there, and whether they need not be smaller.
-    fn add_blocks(&mut self, size: Size, first: usize) -> (usize, bool) {
+    fn add_blocks(&mut self, size: Size, first: usize) -> Result<(usize, bool)> {
         let Self { isa, ref near, ref mut extremes, ref mut samples, ref mut fitted, .. } = *self;
         let (source, near) = (self.table.source(), &near[first..][..size.rows() + 2]);
         let rows = &near[1..=size.rows()];
@@ -155,15 +170,15 @@ impl<'a> Builder<'a> {
                     }
                     first_block = first + index;
                 }
-                self.band.blocks.push(block);
+                buffer::push(WHAT, &mut self.band.blocks, block)?;
             }
         }
         self.first_seen = seen.start;
-        (first_block, self.change.fits(size) && (is_plain || size.rows() == Size::FEWEST_ROWS))
+        Ok((first_block, self.change.fits(size) && (is_plain || size.rows() == Size::FEWEST_ROWS)))
     }
 
     /// Makes a row of the blocks from the `begin`-th on, the first of which is the `first_block`-th of it.
-    fn add_row(&mut self, size: Size, first_block: usize, begin: usize) {
+    fn add_row(&mut self, size: Size, first_block: usize, begin: usize) -> Result<()> {
         let (_, height) = self.table.source();
         let Band { rows, runs, blocks } = &mut self.band;
         let end = blocks.iter().rposition(|block| !block.is_bilinear()).map_or(0, |last| last + 1);
@@ -171,11 +186,11 @@ impl<'a> Builder<'a> {
         let begin_runs = runs.len();
         for (index, block) in (first_block..).zip(&blocks[begin..]).filter(|(_, block)| !block.is_bilinear()) {
             let of_row = index - self.first_seen;
-            self.needs.add(block.shape, height, self.reaches[of_row / BATCH].entries(of_row % BATCH));
+            self.needs.add(block.shape, height, self.reaches[of_row / BATCH].entries(of_row % BATCH))?;
             let run = Run::of(index, block);
             match runs[begin_runs..].last_mut() {
                 Some(last) if last.goes_on(&run) => last.extend(&run),
-                _ => runs.push(run),
+                _ => buffer::push(WHAT, runs, run)?,
             }
         }
         let row = BlockRow {
@@ -184,7 +199,8 @@ impl<'a> Builder<'a> {
             first_block: first_block as u32,
             size,
         };
-        rows.extend(std::iter::repeat_n(row, size.rows() / Size::FEWEST_ROWS));
+        let count = rows.len() + size.rows() / Size::FEWEST_ROWS;
+        buffer::resize(WHAT, rows, count, row)
     }
 }
 
@@ -240,9 +256,10 @@ mod tests {
             (camera(200.0, 0.9, 0.3).with_lens(fisheye), 0.05),
         ] {
             let lut = table(&camera, cell);
-            let (plan, isa, table, mask) = (plan(&lut), Isa::active().expect("an isa"), lut.table(), lut.mask());
-            let mut near = Coordinates::three(isa, table, 0);
-            let mut sides = Sides::new(table.columns());
+            let (plan, isa, table, mask) =
+                (plan(&lut), Isa::active().expect("an isa"), lut.table(), lut.mask().unwrap());
+            let mut near = Coordinates::three(isa, table, 0).expect("memory");
+            let mut sides = Sides::new(table.columns()).expect("memory");
             let mut drawn_in = vec![];
             for row in 0..table.rows() {
                 near[2].read(isa, table, Some(row + 1));

@@ -5,6 +5,7 @@ use std::ops::Range;
 use super::block::{LANES, Size, lanes};
 use super::rows::{Coordinates, OUTSIDE};
 use crate::cpu::Isa;
+use crate::error::Result;
 use crate::lut::kernels::{Row, for_each_isa};
 
 /// Of a row of blocks the least and the greatest coordinates of each column, of x and of y. Column by column, so that vectors
@@ -29,9 +30,9 @@ pub(super) struct Bounds {
 
 impl Extremes {
     /// For rows of so many columns.
-    pub(super) fn new(columns: usize) -> Self {
-        let axes = || [(), ()].map(|()| Row::filled(columns.next_multiple_of(LANES) + LANES, 0));
-        Self { least: axes(), greatest: axes() }
+    pub(super) fn new(columns: usize) -> Result<Self> {
+        let axis = || Row::filled(columns.next_multiple_of(LANES) + LANES, 0);
+        Ok(Self { least: [axis()?, axis()?], greatest: [axis()?, axis()?] })
     }
 
     /// Looks at the cells of the rows of a row of blocks, and at some beside them.

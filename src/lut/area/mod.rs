@@ -22,6 +22,9 @@ use std::fmt;
 use std::ops::Range;
 use std::sync::{Arc, OnceLock};
 
+use crate::buffer;
+use crate::error::Result;
+
 pub(crate) use block::Block;
 use block::Size;
 pub(crate) use build::check_sides;
@@ -129,22 +132,24 @@ impl<'a> RowPlan<'a> {
     }
 
     /// Appends the pieces of neighbouring valid cells, from left to right.
-    pub(crate) fn pieces(&self, cells: Range<usize>, pieces: &mut Vec<Piece>) {
+    pub(crate) fn pieces(&self, cells: Range<usize>, pieces: &mut Vec<Piece>) -> Result<()> {
         let columns = self.size.columns();
         let (first, end) = (cells.start / columns, cells.end.div_ceil(columns));
         let is_before = |run: &Run| ((run.first + run.blocks) as usize) <= first;
         let runs = &self.runs[self.runs.partition_point(is_before)..];
         for run in runs.iter().take_while(|run| (run.first as usize) < end) {
-            let mut add = |blocks: Range<usize>, clipped: bool| {
+            let mut add = |blocks: Range<usize>, clipped: bool| -> Result<()> {
                 let own = (blocks.start * columns).max(cells.start)..(blocks.end * columns).min(cells.end);
                 if own.start < own.end {
                     let &Run { shape, shift, .. } = run;
-                    pieces.push(Piece { first: own.start, cells: own.len(), shape, shift, clipped });
+                    let piece = Piece { first: own.start, cells: own.len(), shape, shift, clipped };
+                    buffer::push("area", pieces, piece)?;
                 }
+                Ok(())
             };
             let blocks = run.first as usize..(run.first + run.blocks) as usize;
             if !run.clipped {
-                add(blocks, false);
+                add(blocks, false)?;
                 continue;
             }
             let is_clipped = |block: usize| self.blocks[block - self.first_block].clipped;
@@ -152,9 +157,10 @@ impl<'a> RowPlan<'a> {
             while next < blocks.end {
                 let (first, clipped) = (next, is_clipped(next));
                 next = (first..blocks.end).find(|&block| is_clipped(block) != clipped).unwrap_or(blocks.end);
-                add(first..next, clipped);
+                add(first..next, clipped)?;
             }
         }
+        Ok(())
     }
 }
 

@@ -3,6 +3,8 @@
 use std::ops::Range;
 
 use super::{Level, Shape};
+use crate::buffer;
+use crate::error::Result;
 
 #[derive(Default)]
 pub(super) struct Needs {
@@ -30,64 +32,70 @@ struct Rectangle {
 
 impl Needs {
     /// Rows of a level, which has so many.
-    fn rows(&mut self, kx: u8, ky: u8, count: usize, rows: Range<usize>) -> &mut [Columns] {
+    fn rows(&mut self, kx: u8, ky: u8, count: usize, rows: Range<usize>) -> Result<&mut [Columns]> {
         let found = self.levels.iter().position(|need| (need.kx, need.ky) == (kx, ky));
-        let index = found.unwrap_or_else(|| {
-            self.levels.push(Need { kx, ky, columns: vec![Columns::default(); count], rows: rows.clone() });
-            self.levels.len() - 1
-        });
+        let index = match found {
+            Some(index) => index,
+            None => {
+                let columns = buffer::filled("area", count, Columns::default())?;
+                self.levels.push(Need { kx, ky, columns, rows: rows.clone() });
+                self.levels.len() - 1
+            }
+        };
         let need = &mut self.levels[index];
         need.rows = need.rows.start.min(rows.start)..need.rows.end.max(rows.end);
-        &mut need.columns[rows]
+        Ok(&mut need.columns[rows])
     }
 
     /// Adds a rectangle of the level of a shape, of a source of this height.
-    pub(super) fn add(&mut self, shape: Shape, height: u32, [columns, rows]: [Range<u32>; 2]) {
+    pub(super) fn add(&mut self, shape: Shape, height: u32, [columns, rows]: [Range<u32>; 2]) -> Result<()> {
         if let Some(last) = &mut self.last
             && (last.shape, &last.rows) == (shape, &rows)
             && touch(&last.columns, &columns)
         {
             last.columns = united(&last.columns, &columns);
-            return;
+            return Ok(());
         }
-        self.flush(height);
+        self.flush(height)?;
         self.last = Some(Rectangle { shape, columns, rows });
+        Ok(())
     }
 
     /// Takes the last rectangle in; before it, what was added is not complete.
-    pub(super) fn flush(&mut self, height: u32) {
-        let Some(Rectangle { shape, columns, rows }) = self.last.take() else { return };
+    pub(super) fn flush(&mut self, height: u32) -> Result<()> {
+        let Some(Rectangle { shape, columns, rows }) = self.last.take() else { return Ok(()) };
         if shape.halvings() == 0 {
-            return; // the source itself
+            return Ok(()); // the source itself
         }
         let count = Level::boxes(height, shape.ky.into()) as usize;
-        let rows = self.rows(shape.kx, shape.ky, count, rows.start as usize..rows.end as usize);
+        let rows = self.rows(shape.kx, shape.ky, count, rows.start as usize..rows.end as usize)?;
         rows.iter_mut().for_each(|row| row.add(&columns));
+        Ok(())
     }
 
     /// Those of all, which are flushed.
-    pub(super) fn merged(parts: Vec<Self>) -> Self {
+    pub(super) fn merged(parts: Vec<Self>) -> Result<Self> {
         let mut parts = parts.into_iter();
         let mut all = parts.next().unwrap_or_default();
         for Need { kx, ky, columns, rows } in parts.flat_map(|part| part.levels) {
-            let into = all.rows(kx, ky, columns.len(), rows.clone());
+            let into = all.rows(kx, ky, columns.len(), rows.clone())?;
             for (own, Columns(ranges)) in into.iter_mut().zip(&columns[rows]) {
                 ranges.iter().for_each(|range| own.add(range));
             }
         }
-        all
+        Ok(all)
     }
 
     /// The levels, in an order that does not depend on that of the bands.
-    pub(super) fn levels(mut self) -> Vec<Level> {
+    pub(super) fn levels(mut self) -> Result<Vec<Level>> {
         self.levels.sort_by_key(|need| (need.ky, need.kx));
         let level = |Need { kx, ky, columns, rows }: Need| {
             let first_row = rows.start as u32;
-            let columns = columns[rows].to_vec();
+            let columns = buffer::copied("area", &columns[rows])?;
             let ranges = columns.iter().flat_map(|Columns(ranges)| ranges).filter(|range| !range.is_empty());
             let all = ranges.cloned().reduce(|all, range| united(&all, &range)).unwrap_or(0..1);
             let (kx, ky) = (kx.into(), ky.into());
-            Level { kx, ky, first_row, first_column: all.start, width: all.end - all.start, columns }
+            Ok(Level { kx, ky, first_row, first_column: all.start, width: all.end - all.start, columns })
         };
         self.levels.into_iter().map(level).collect()
     }

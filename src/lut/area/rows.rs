@@ -4,7 +4,9 @@ use std::ops::Range;
 
 use super::Q;
 use super::block::LANES;
+use crate::buffer;
 use crate::cpu::Isa;
+use crate::error::Result;
 use crate::lut::kernels::{Row, for_each_isa, unpack};
 use crate::lut::table::{RunKind, Segment, Table, unframed};
 
@@ -29,18 +31,21 @@ const LEAD: usize = LANES;
 
 impl Coordinates {
     /// Those of a row of a table without an image.
-    pub(crate) fn none(table: &Table) -> Self {
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`](crate::Error::OutOfMemory).
+    pub(crate) fn none(table: &Table) -> Result<Self> {
         let whole = table.columns().next_multiple_of(LANES) + LANES;
         let axis = || Row::filled(LEAD + whole + 1, OUTSIDE);
-        Self { xs: axis(), ys: axis(), valid: vec![0; whole], seen: 0..0 }
+        Ok(Self { xs: axis()?, ys: axis()?, valid: buffer::zeroed("area", whole)?, seen: 0..0 })
     }
 
     /// The rows before, at and after `row`, of which the last is still to be read.
-    pub(crate) fn three(isa: Isa, table: &Table, row: usize) -> [Self; 3] {
-        let mut near = [(), (), ()].map(|()| Self::none(table));
+    pub(crate) fn three(isa: Isa, table: &Table, row: usize) -> Result<[Self; 3]> {
+        let mut near = [Self::none(table)?, Self::none(table)?, Self::none(table)?];
         near[0].read(isa, table, row.checked_sub(1));
         near[1].read(isa, table, Some(row));
-        near
+        Ok(near)
     }
 
     /// Whether a cell is in the mask.
@@ -119,8 +124,9 @@ impl Coordinates {
 pub(crate) struct Sides([Vec<i32>; 4]);
 
 impl Sides {
-    pub(crate) fn new(columns: usize) -> Self {
-        Self([(), (), (), ()].map(|()| vec![0; columns]))
+    pub(crate) fn new(columns: usize) -> Result<Self> {
+        let side = || buffer::zeroed("area", columns);
+        Ok(Self([side()?, side()?, side()?, side()?]))
     }
 
     /// Works them out for the middle one of three rows.

@@ -2,6 +2,9 @@
 
 use std::ops::{Deref, DerefMut};
 
+use crate::buffer;
+use crate::error::Result;
+
 /// Bytes of a cache line and of the longest vector.
 const LINE: usize = 64;
 
@@ -16,21 +19,27 @@ pub(crate) struct Row<T = f64> {
 
 impl<T: Copy> Row<T> {
     /// So many numbers, all the same.
-    pub(crate) fn filled(cells: usize, with: T) -> Self {
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`](crate::Error::OutOfMemory).
+    pub(crate) fn filled(cells: usize, with: T) -> Result<Self> {
         let most = LINE / size_of::<T>() - 1;
-        let room = vec![with; cells + most];
+        let room = buffer::filled("a row", cells.saturating_add(most), with)?;
         // 0 for a pointer that cannot be aligned: slower, not wrong
         let first = room.as_ptr().align_offset(LINE).min(most);
-        Self { room, first, cells }
+        Ok(Self { room, first, cells })
     }
 }
 
-impl FromIterator<f64> for Row {
-    fn from_iter<I: IntoIterator<Item = f64>>(numbers: I) -> Self {
-        let numbers: Vec<f64> = numbers.into_iter().collect();
-        let mut row = Self::filled(numbers.len(), 0.0);
-        row.copy_from_slice(&numbers);
-        row
+impl Row {
+    /// The numbers that an iterator of known length gives.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`](crate::Error::OutOfMemory).
+    pub(crate) fn collected(numbers: impl ExactSizeIterator<Item = f64>) -> Result<Self> {
+        let mut row = Self::filled(numbers.len(), 0.0)?;
+        row.iter_mut().zip(numbers).for_each(|(entry, number)| *entry = number);
+        Ok(row)
     }
 }
 

@@ -8,6 +8,7 @@ use super::{Row, for_each_isa};
 use crate::camera::Lens;
 use crate::camera::lens::{Distort, Line, OnLine, each_distort};
 use crate::cpu::Isa;
+use crate::error::Result;
 
 /// A row of points in the camera frame behind a lens: `(u, v) = K (lens(origin + step * t), 1)`.
 pub(crate) struct BentRow<'a> {
@@ -41,9 +42,9 @@ pub(crate) struct OffsetsOf<'a> {
 
 impl Offsets {
     /// Those of rows with this step.
-    pub(crate) fn along(step: &Vector3<f64>, ts: &[f64]) -> Self {
-        let times = |step: f64| ts.iter().map(|t| step * t).collect();
-        Self { t: times(1.0), x: times(step.x), y: times(step.y), z: times(step.z) }
+    pub(crate) fn along(step: &Vector3<f64>, ts: &[f64]) -> Result<Self> {
+        let times = |step: f64| Row::collected(ts.iter().map(|t| step * t));
+        Ok(Self { t: times(1.0)?, x: times(step.x)?, y: times(step.y)?, z: times(step.z)? })
     }
 
     /// Those of these cells.
@@ -180,7 +181,7 @@ mod tests {
     /// Asserts that a row is the same on every instruction set and what `project` says of its points; returns how many
     /// are seen.
     fn check(row: &BentRow<'_>, camera: &Camera, ts: &[f64]) -> usize {
-        let offsets = Offsets::along(&row.step, ts);
+        let offsets = Offsets::along(&row.step, ts).unwrap();
         let filled = |isa| {
             let (mut us, mut vs) = (vec![0.0; ts.len()], vec![0.0; ts.len()]);
             row.fill(isa, offsets.of(0..ts.len()), &mut us, &mut vs);

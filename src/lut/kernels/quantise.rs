@@ -4,7 +4,9 @@ use std::mem::MaybeUninit;
 use std::ops::Range;
 
 use super::for_each_isa;
+use crate::buffer;
 use crate::cpu::Isa;
+use crate::error::Result;
 use crate::lut::tap::{ONE, RunKind, Tap};
 
 /// The coordinates of a row on a source: `us[i]` and `vs[i]` in pixels, NaN where there is none.
@@ -53,14 +55,14 @@ impl Kinds {
         isa: Isa,
         row: Sampled<'a>,
         taps: &mut [MaybeUninit<Tap>],
-    ) -> impl Iterator<Item = (RunKind, Range<usize>)> + use<'a> {
-        self.kinds.resize(row.us.len(), 0);
+    ) -> Result<impl Iterator<Item = (RunKind, Range<usize>)> + use<'a>> {
+        buffer::resize("Lut", &mut self.kinds, row.us.len(), 0)?;
         let kinds = &mut self.kinds[..];
         // SAFETY: a tap is 8 bytes with the alignment of a number, any bits are one, and only numbers are written.
         let taps = unsafe { std::slice::from_raw_parts_mut(taps.as_mut_ptr().cast::<MaybeUninit<u64>>(), taps.len()) };
         let mut all_inside = true;
         quantise_inside(isa, row, taps, kinds, &mut all_inside);
-        runs(isa, row, kinds, all_inside)
+        Ok(runs(isa, row, kinds, all_inside))
     }
 
     /// The same without taps, for coordinates that are not rounded: inside is all that lies before the last pixel.
@@ -68,12 +70,12 @@ impl Kinds {
         &'a mut self,
         isa: Isa,
         row: Sampled<'a>,
-    ) -> impl Iterator<Item = (RunKind, Range<usize>)> + use<'a> {
-        self.kinds.resize(row.us.len(), 0);
+    ) -> Result<impl Iterator<Item = (RunKind, Range<usize>)> + use<'a>> {
+        buffer::resize("Lut", &mut self.kinds, row.us.len(), 0)?;
         let kinds = &mut self.kinds[..];
         let mut all_inside = true;
         sort_inside(isa, row, kinds, &mut all_inside);
-        runs(isa, row, kinds, all_inside)
+        Ok(runs(isa, row, kinds, all_inside))
     }
 }
 
@@ -266,7 +268,7 @@ mod tests {
             let mut taps = vec![MaybeUninit::new(Tap::default()); coordinates.len()];
             let row = Sampled { us: &coordinates, vs: &vs, source };
             let mut scratch = Kinds::default();
-            let runs: Vec<_> = scratch.quantise(isa, row, &mut taps).collect();
+            let runs: Vec<_> = scratch.quantise(isa, row, &mut taps).unwrap().collect();
             // rows of so wide sources have rims only below
             assert_eq!(runs, [(RunKind::Inside, 0..coordinates.len())]);
             for (u, tap) in coordinates.iter().zip(&taps) {
@@ -289,7 +291,7 @@ mod tests {
             let row = Sampled { us: &us, vs: &vs, source: (4, 3) };
             let mut scratch = Kinds::default();
             let mut kinds = vec![];
-            for (kind, cells) in scratch.quantise(isa, row, &mut taps) {
+            for (kind, cells) in scratch.quantise(isa, row, &mut taps).unwrap() {
                 kinds.extend(cells.map(|_| kind));
             }
             use RunKind::{Halo, Inside, Outside, Rim};

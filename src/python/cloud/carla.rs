@@ -6,6 +6,7 @@ use pyo3::prelude::*;
 use super::options::{depth_image, named_order, order_of_channels, wrong_dtype};
 use crate::cloud::{ChannelOrder, DepthUnit, PointSample, decode_carla_depth_into, encode_carla_depth_into};
 use crate::python::convert::{flag, tuple_text};
+use crate::python::detached;
 use crate::python::error::classes::ImageError;
 use crate::python::image::{ImageArray, Output};
 use crate::python::layout::Layout;
@@ -58,8 +59,8 @@ pub(in crate::python) fn decode_carla_depth<'py>(
         None => ImageArray::allocate(&shape, float32, Layout::Hwc)?,
     };
     let mut write = written.write()?;
-    let mut outs = write.views::<f32>();
-    py.detach(|| decode_carla_depth_into(&views[0], order, unit, &mut outs[0], threads))?;
+    let mut outs = write.views::<f32>()?;
+    detached::run(py, || decode_carla_depth_into(&views[0], order, unit, &mut outs[0], threads))?;
     drop(outs);
     drop(write);
     Ok(out.given_or(written))
@@ -100,8 +101,8 @@ fn encode<'py, T: PointSample>(
     let shape = [depth.shape()[0], depth.shape()[1], order.channels()];
     let out = ImageArray::allocate(&shape, dtype::<u8>(py), Layout::Hwc)?;
     let mut write = out.write()?;
-    let mut outs = write.views::<u8>();
-    py.detach(|| encode_carla_depth_into(&views[0], order, unit, &mut outs[0], threads))?;
+    let mut outs = write.views::<u8>()?;
+    detached::run(py, || encode_carla_depth_into(&views[0], order, unit, &mut outs[0], threads))?;
     drop(outs);
     drop(write);
     Ok(out.into_array().into_any())

@@ -10,6 +10,7 @@ use super::options::depth_image;
 use crate::cloud::{PointSample, carla_084_points, depth_to_lidar as lidar};
 use crate::python::arrays;
 use crate::python::convert::{float, matrix3, tuple_text, whole};
+use crate::python::detached;
 use crate::python::error::classes::{ArgumentError, ImageError};
 use crate::python::image::ImageArray;
 use crate::python::layout::Layout;
@@ -48,7 +49,7 @@ fn lidar_as<'py, T: PointSample + numpy::Element>(
     let (width, height) = image.size();
     let read = image.read()?;
     let view = read.views::<T>()?[0];
-    let cloud = py.detach(|| lidar(&view, k, max_depth))?;
+    let cloud = detached::run(py, || lidar(&view, k, max_depth))?;
     let points = PyArray1::from_vec(py, cloud.points).reshape([3, width * height])?;
     let metres = PyArray1::from_vec(py, cloud.metres).reshape([height, width])?;
     PyTuple::new(py, [points.into_any(), metres.into_any()])
@@ -103,7 +104,7 @@ fn local_as<'py, T: PointSample>(
     let py = image.dtype().py();
     let read = image.read()?;
     let view = read.views::<T>()?[0];
-    let (points, index) = py.detach(|| carla_084_points(&view, k, max_depth))?;
+    let (points, index) = detached::run(py, || carla_084_points(&view, k, max_depth))?;
     let count = points.len();
     let points = PyArray1::from_vec(py, points.into_flattened()).reshape([count, 3])?.into_any();
     match color {

@@ -12,6 +12,7 @@ use crate::cloud::{
 };
 use crate::geometry::Pose;
 use crate::python::convert::{flag, float, text_of, tuple_text, whole};
+use crate::python::detached;
 use crate::python::error::OrRefuse;
 use crate::python::error::classes::{ArgumentError, ImageError};
 use crate::python::image::{ImageArray, Output};
@@ -161,9 +162,9 @@ impl<'py> Call<'py> {
             None => ImageArray::allocate(&shape, kind, Layout::Hwc)?,
         };
         let mut write = out.write()?;
-        let mut outs = write.views::<O>();
+        let mut outs = write.views::<O>()?;
         let (view, frame, options) = (self.view.viewpoint(), &self.frame_from_camera, &self.options);
-        py.detach(|| points_from_depth_into(depth, view, frame, mask, options, &mut outs[0]))?;
+        detached::run(py, || points_from_depth_into(depth, view, frame, mask, options, &mut outs[0]))?;
         drop(outs);
         drop(write);
         Ok(out)
@@ -178,7 +179,7 @@ impl<'py> Call<'py> {
         let attributes = self.values.as_ref();
         let images = attributes.map(|attributes| attributes.images(self.depth.size())).transpose()?;
         let (view, frame, options) = (self.view.viewpoint(), &self.frame_from_camera, &self.options);
-        let cloud = py.detach(|| cloud_from_depth::<T, O>(depth, view, frame, mask, options))?;
+        let cloud = detached::run(py, || cloud_from_depth::<T, O>(depth, view, frame, mask, options))?;
         let values = attributes.zip(images).map(|(values, images)| values.gather(py, &images, &cloud.index));
         let values = values.transpose()?;
         let count = cloud.points.len();

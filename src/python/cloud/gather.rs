@@ -4,7 +4,10 @@ use numpy::{Element, PyArray1, PyArrayDescrMethods, PyUntypedArray};
 use pyo3::prelude::*;
 
 use super::options::wrong_dtype;
+use crate::buffer;
 use crate::image::Sample;
+use crate::parallel::check_interrupt;
+use crate::python::detached;
 use crate::python::image::ImageArray;
 
 /// Samples that are moved, not computed with, one type for each size.
@@ -31,13 +34,17 @@ fn pixels_as<'py, T: Sample + Element>(image: &ImageArray<'py>, index: &[i64]) -
     let read = image.read()?;
     let view = &read.views::<T>()?[0];
     let width = view.width();
-    let mut samples = crate::cloud::reserved("values", index.len() * view.channels())?;
-    py.detach(|| {
-        for &pixel in index {
-            let pixel = pixel as usize; // of an image of this size, so it is one
-            samples.extend_from_slice(view.pixel(pixel % width, pixel / width));
+    let samples = detached::run(py, || {
+        let mut samples = buffer::reserved("values", index.len().saturating_mul(view.channels()))?;
+        for index in index.chunks(1 << 12) {
+            check_interrupt()?;
+            for &pixel in index {
+                let pixel = pixel as usize; // of an image of this size, so it is one
+                samples.extend_from_slice(view.pixel(pixel % width, pixel / width));
+            }
         }
-    });
+        Ok(samples)
+    })?;
     let array = PyArray1::from_vec(py, samples).call_method1("view", (image.dtype(),))?;
     match image.shape() {
         [_, _] => Ok(array),

@@ -5,6 +5,7 @@ use pyo3::prelude::*;
 
 use crate::Camera;
 use crate::cloud::{PointSample, Projections, project_into};
+use crate::python::detached;
 use crate::python::image::empty_array;
 use crate::python::points::PointsArray;
 
@@ -48,7 +49,7 @@ fn project_as<'py, T: PointSample>(
             depth: depth.as_slice_mut()?,
             valid: valid.as_slice_mut()?,
         };
-        py.detach(|| project_into(camera, &view, out, threads))?;
+        detached::run(py, || project_into(camera, &view, out, threads))?;
     }
     Ok((uv, depth, valid))
 }

@@ -8,6 +8,7 @@ use pyo3::types::{PyDict, PyTuple};
 use crate::cloud::PixelRays;
 use crate::python::camera::PyCamera;
 use crate::python::convert::{Reduced, rebuilt_by_new, type_name};
+use crate::python::detached;
 use crate::python::error::classes::ArgumentTypeError;
 use crate::python::options::thread_count;
 
@@ -41,7 +42,7 @@ impl PyPixelRays {
         };
         let threads = threads.map(|threads| thread_count("threads", threads)).transpose()?;
         let camera = camera.get().camera;
-        Ok(Self { rays: py.detach(|| PixelRays::new(&camera, threads))? })
+        Ok(Self { rays: detached::run(py, || PixelRays::new(&camera, threads))? })
     }
 
     #[doc = help!("PixelRays.camera")]

@@ -6,11 +6,13 @@ use pyo3::types::PyTuple;
 
 use super::gather::{as_image, by_size};
 use super::options::{self, wrong_dtype};
+use crate::buffer;
 use crate::cloud::{PointSample, RenderOptions, check_points, paint_into, render_points_into};
 use crate::image::Sample;
 use crate::python::arrays;
 use crate::python::camera::PyCamera;
 use crate::python::convert::{float, tuple_text, type_name};
+use crate::python::detached;
 use crate::python::error::classes::{ArgumentError, ArgumentTypeError};
 use crate::python::image::ImageArray;
 use crate::python::layout::Layout;
@@ -85,8 +87,8 @@ fn render_as<'py, T: PointSample>(
     let index = ImageArray::allocate(&shape, dtype::<i64>(py), Layout::Hwc)?;
     {
         let (mut depth, mut index) = (depth.write()?, index.write()?);
-        let (mut depths, mut indices) = (depth.views::<f32>(), index.views::<i64>());
-        py.detach(|| render_points_into(camera, &view, options, &mut depths[0], &mut indices[0]))?;
+        let (mut depths, mut indices) = (depth.views::<f32>()?, index.views::<i64>()?);
+        detached::run(py, || render_points_into(camera, &view, options, &mut depths[0], &mut indices[0]))?;
     }
     Ok((depth, index))
 }
@@ -135,7 +137,7 @@ fn border<T: Sample>(values: &Values<'_>) -> PyResult<Vec<T>> {
     let columns = values.array.shape().get(1).copied().unwrap_or(1);
     let border = values.border.samples::<T>(&values.array.dtype())?;
     match border.len() {
-        1 => Ok(vec![border[0]; columns]),
+        1 => Ok(buffer::filled("border_value", columns, border[0])?),
         got if got == columns => Ok(border),
         got => Err(crate::Error::BorderChannels { expected: columns, got }.into()),
     }
@@ -163,9 +165,9 @@ fn paint_as<'py, T: Sample>(
         let views = rows.as_ref().map(|rows| rows.views::<T>()).transpose()?;
         let indices = index.views::<i64>()?;
         let mut write = out.write()?;
-        let mut outs = write.views::<T>();
+        let mut outs = write.views::<T>()?;
         let rows: Option<&ImageView<'_, T>> = views.as_ref().map(|views| &views[0]);
-        py.detach(|| paint_into(&indices[0], rows, &border, &mut outs[0], threads))?;
+        detached::run(py, || paint_into(&indices[0], rows, &border, &mut outs[0], threads))?;
     }
     Ok(out.into_array())
 }

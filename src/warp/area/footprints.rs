@@ -1,6 +1,8 @@
 //! The footprints of cells, worked out from their taps and plan.
 
+use crate::buffer;
 use crate::cpu::Isa;
+use crate::error::Result;
 use crate::lut::area::block::{LANES, Size};
 use crate::lut::area::{Block, Coordinates, Piece, RowPlan};
 use crate::lut::kernels::for_each_isa;
@@ -19,11 +21,12 @@ pub(super) struct Footprints {
 }
 
 impl Footprints {
-    pub(super) fn new(isa: Isa, table: &Table) -> Self {
+    pub(super) fn new(isa: Isa, table: &Table) -> Result<Self> {
         let room = table.columns().next_multiple_of(LANES) + LANES;
-        let centre = [vec![0; room], vec![0; room]];
-        let sides = [(), (), (), ()].map(|()| vec![0; room]);
-        Self { isa, at: Coordinates::none(table), centre, sides }
+        let centre = [buffer::zeroed("area", room)?, buffer::zeroed("area", room)?];
+        let side = || buffer::zeroed("area", room);
+        let sides = [side()?, side()?, side()?, side()?];
+        Ok(Self { isa, at: Coordinates::none(table)?, centre, sides })
     }
 
     /// Works out the footprints of a piece, whose cells are these, on a source of this width.

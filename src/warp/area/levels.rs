@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use super::average::Average;
 use super::room::Room;
+use crate::buffer;
 use crate::cpu::Isa;
 use crate::error::Result;
 use crate::image::{ImageView, Sample};
@@ -35,16 +36,17 @@ impl<'a, T: Sample + Average> Levels<'a, T> {
             own.chunks(CHUNK_ROWS * row(level)).enumerate().map(move |(chunk, rows)| (level, chunk, rows))
         });
         parallel::for_each(threads, jobs, |(level, chunk, rows)| {
-            let mut scratch = Scratch::new(isa, image, level);
+            let mut scratch = Scratch::new(isa, image, level)?;
             for (index, out) in (chunk * CHUNK_ROWS..).zip(rows.chunks(row(level))) {
                 let out = out.written();
                 for columns in level.columns[index].0.clone().into_iter().filter(|columns| !columns.is_empty()) {
                     let own =
                         [columns.start, columns.end].map(|column| (column - level.first_column) as usize * channels);
-                    scratch.row(level.first_row as usize + index, columns, &mut out[own[0]..own[1]]);
+                    scratch.row(level.first_row as usize + index, columns, &mut out[own[0]..own[1]])?;
                 }
             }
-        });
+            Ok(())
+        })?;
         // SAFETY: all rows of all levels were written.
         let mut rest = unsafe { room.written::<T>() };
         let views = plan.levels.iter().map(|level| {
@@ -76,22 +78,23 @@ struct Scratch<'a, T> {
 }
 
 impl<'a, T: Sample + Average> Scratch<'a, T> {
-    fn new(isa: Isa, image: &'a ImageView<'a, T>, level: &Level) -> Self {
-        let row = || vec![T::default(); image.width() * image.channels()];
-        let halves = (3..=level.ky).map(|_| [row(), row()]).collect();
-        Self { isa, image, kx: level.kx, ky: level.ky, row: vec![], next: vec![], halves }
+    fn new(isa: Isa, image: &'a ImageView<'a, T>, level: &Level) -> Result<Self> {
+        let row = || buffer::filled("area", image.width() * image.channels(), T::default());
+        let halves = (3..=level.ky).map(|_| Ok([row()?, row()?])).collect::<Result<_>>()?;
+        Ok(Self { isa, image, kx: level.kx, ky: level.ky, row: vec![], next: vec![], halves })
     }
 
     /// Writes the entries `columns` of a row of the level. Averaging over rows, then over columns, is averaging over
     /// boxes; integers halfway are rounded up in every other step, so that they do not drift.
-    fn row(&mut self, row: usize, columns: Range<u32>, out: &mut [T]) {
+    fn row(&mut self, row: usize, columns: Range<u32>, out: &mut [T]) -> Result<()> {
         let channels = self.image.channels();
         let step = Level::log_step(self.kx);
         let pixels = (columns.start as usize) << step..(((columns.end - 1) as usize) << step) + (1 << self.kx);
         let all = pixels.start * channels..pixels.end * channels;
         let y = row << Level::log_step(self.ky);
         if self.kx == 0 {
-            return down(self.isa, self.image, y, self.ky, &all, &mut self.halves, out);
+            down(self.isa, self.image, y, self.ky, &all, &mut self.halves, out);
+            return Ok(());
         }
         let mut length = all.len();
         let source = |index: usize| &source_row(self.image, y + index)[all.clone()];
@@ -103,13 +106,13 @@ impl<'a, T: Sample + Average> Scratch<'a, T> {
             _ => false,
         };
         if done {
-            return;
+            return Ok(());
         }
         if self.ky > 0 {
-            let row = first_of(&mut self.row, length);
+            let row = first_of(&mut self.row, length)?;
             down(self.isa, self.image, y, self.ky, &all, &mut self.halves, row);
             if self.ky > 2 && T::boxes(self.isa, channels, k, &[row], out) {
-                return;
+                return Ok(());
             }
         }
         for k in 0..self.kx {
@@ -120,19 +123,20 @@ impl<'a, T: Sample + Average> Scratch<'a, T> {
                 T::halve(self.isa, up, from, &from[channels..], &mut *out);
             } else {
                 length /= 2;
-                T::halve_pairs(self.isa, up, channels, from, first_of(&mut self.next, length));
+                T::halve_pairs(self.isa, up, channels, from, first_of(&mut self.next, length)?);
                 std::mem::swap(&mut self.row, &mut self.next);
             }
         }
+        Ok(())
     }
 }
 
 /// So many samples, of a row that grows where it is shorter.
-fn first_of<T: Sample>(row: &mut Vec<T>, length: usize) -> &mut [T] {
+fn first_of<T: Sample>(row: &mut Vec<T>, length: usize) -> Result<&mut [T]> {
     if row.len() < length {
-        row.resize(length, T::default());
+        buffer::resize("area", row, length, T::default())?;
     }
-    &mut row[..length]
+    Ok(&mut row[..length])
 }
 
 /// Averages `2^ky` rows of an image from row y on, the samples `range` of each.

@@ -19,6 +19,7 @@ pub(crate) use average::Average;
 
 use super::WarpOptions;
 use super::kernels::{Bilinear, ProbesKernel, RowKernels, Source, sealed::Blend};
+use crate::buffer;
 use crate::cpu::Isa;
 use crate::error::Result;
 use crate::half::F16;
@@ -106,7 +107,7 @@ fn warp<T: Bilinear + Average>(
             source: &source,
         };
         let band_rows = parallel::rows_per_band(rows, columns, threads);
-        parallel::for_each(threads, out.bands(band_rows), |(first, band)| job.run(first, band));
+        parallel::for_each(threads, out.bands(band_rows), |(first, band)| job.run(first, band))?;
     }
     Ok(())
 }
@@ -133,14 +134,14 @@ struct Scratch<T: Average> {
 
 impl<T: Bilinear + Average> Job<'_, T> {
     /// Fills rows of the output from row `first` on.
-    fn run(&self, first: usize, rows: RowsMut<'_, T>) {
+    fn run(&self, first: usize, rows: RowsMut<'_, T>) -> Result<()> {
         let channels = self.source.channels();
         let mut scratch = Scratch {
             taps: [Tap::default(); ROOM],
-            probe: vec![T::default(); ROOM * channels],
-            sums: vec![T::Sum::default(); ROOM * channels],
+            probe: buffer::filled("area", ROOM * channels, T::default())?,
+            sums: buffer::filled("area", ROOM * channels, T::Sum::default())?,
         };
-        let (mut footprints, mut pieces) = (Footprints::new(self.isa, self.lut.table()), Vec::new());
+        let (mut footprints, mut pieces) = (Footprints::new(self.isa, self.lut.table())?, Vec::new());
         for (row, cells) in (first..).zip(rows) {
             let plan = self.plan.row(row);
             for segment in self.lut.table().row(row) {
@@ -148,11 +149,12 @@ impl<T: Bilinear + Average> Job<'_, T> {
                 let cells = &mut cells[own.start * channels..own.end * channels];
                 pieces.clear();
                 if segment.kind.is_valid() {
-                    plan.pieces(own, &mut pieces);
+                    plan.pieces(own, &mut pieces)?;
                 }
-                self.segment(segment, &plan, &pieces, &mut footprints, cells, &mut scratch);
+                self.segment(segment, &plan, &pieces, &mut footprints, cells, &mut scratch)?;
             }
         }
+        Ok(())
     }
 
     /// Fills the cells of a segment, of which these are averaged.
@@ -164,10 +166,13 @@ impl<T: Bilinear + Average> Job<'_, T> {
         footprints: &mut Footprints,
         cells: &mut [T],
         scratch: &mut Scratch<T>,
-    ) {
+    ) -> Result<()> {
         let channels = self.source.channels();
         let kernel = match segment.kind {
-            RunKind::Outside => return self.source.fill_border(cells),
+            RunKind::Outside => {
+                self.source.fill_border(cells);
+                return Ok(());
+            }
             RunKind::Inside => self.bilinear.inside,
             RunKind::Rim | RunKind::Halo => self.bilinear.edge,
         };
@@ -186,9 +191,10 @@ impl<T: Bilinear + Average> Job<'_, T> {
             }
             if !own.is_empty() {
                 let segment = Segment { first: piece.first, cells: piece.cells, taps: own, ..segment };
-                self.piece(piece, plan, segment, footprints, own_cells, scratch);
+                self.piece(piece, plan, segment, footprints, own_cells, scratch)?;
             }
         }
+        Ok(())
     }
 
     /// Averages the footprints of a piece, whose cells are those of `segment`.
@@ -200,20 +206,21 @@ impl<T: Bilinear + Average> Job<'_, T> {
         footprints: &mut Footprints,
         cells: &mut [T],
         scratch: &mut Scratch<T>,
-    ) {
+    ) -> Result<()> {
         let (level, first) = self.levels.get(piece.shape.kx, piece.shape.ky);
         let lattice = Lattice::new(piece, first, level.width());
         let (width, _) = self.lut.source_size();
         let source = Source::new(level, self.source.border());
         let fused = self.fused.filter(|_| segment.kind == RunKind::Inside);
         if let (Some(fused), false) = (fused, piece.clipped) {
-            return fused(&source, &lattice.probes(plan, piece, segment.taps, width), cells);
+            fused(&source, &lattice.probes(plan, piece, segment.taps, width), cells);
+            return Ok(());
         }
         footprints.work_out(plan, piece, segment, width);
         // of the cells of blocks of which a probe leaves the image, mostly few do
         let channels = self.source.channels();
         let (mut taps, mut rest) = (segment.taps, cells);
-        for (part, is_clipped) in self.parts(piece, footprints) {
+        for (part, is_clipped) in self.parts(piece, footprints)? {
             let (own, cells);
             (own, taps) = taps.split_at(part.cells);
             (cells, rest) = rest.split_at_mut(part.cells * channels);
@@ -227,6 +234,7 @@ impl<T: Bilinear + Average> Job<'_, T> {
                 None => self.whole(&part, lattice, &source, footprints, cells, scratch),
             }
         }
+        Ok(())
     }
 
     /// Averages footprints that were worked out and of which no probe leaves the level.
@@ -278,8 +286,8 @@ impl<T: Bilinear + Average> Job<'_, T> {
     }
 
     /// The parts of a piece whose cells all have a probe that leaves the level, or none.
-    fn parts(&self, piece: &Piece, footprints: &Footprints) -> impl Iterator<Item = (Piece, bool)> + use<T> {
-        let mut flags = vec![0; piece.cells];
+    fn parts(&self, piece: &Piece, footprints: &Footprints) -> Result<impl Iterator<Item = (Piece, bool)> + use<T>> {
+        let mut flags = buffer::zeroed("area", piece.cells)?;
         if piece.clipped {
             let own = piece.first..piece.first + piece.cells;
             let centre = footprints.centre.each_ref().map(|axis| &axis[own.clone()]);
@@ -287,12 +295,12 @@ impl<T: Bilinear + Average> Job<'_, T> {
             leaves(self.isa, (piece.shape, piece.shift), self.lut.source_size(), centre, sides, &mut flags);
         }
         let (piece, mut next) = (*piece, 0);
-        std::iter::from_fn(move || {
+        Ok(std::iter::from_fn(move || {
             let first = next;
             let &flag = flags.get(first)?;
             next += flags[first..].iter().take_while(|&&other| other == flag).count();
             Some((Piece { first: piece.first + first, cells: next - first, clipped: false, ..piece }, flag != 0))
-        })
+        }))
     }
 
     /// Averages a footprint of which a part may lie outside the image, over the rest of it.

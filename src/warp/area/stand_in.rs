@@ -3,12 +3,13 @@
 //! ones that are larger by half the range.
 
 use super::{Average, warp};
+use crate::buffer;
 use crate::cpu::{self, Body, Isa};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::half::F16;
 use crate::image::{ImageView, ImageViewMut, Sample};
 use crate::lut::Lut;
-use crate::parallel;
+use crate::parallel::{self, check_interrupt};
 use crate::warp::WarpOptions;
 use crate::warp::kernels::Bilinear;
 
@@ -67,8 +68,8 @@ pub(super) fn warp_by_stand_in<T: StandIn>(
     let (size, channels) = ((images[0].width(), images[0].height()), images[0].channels());
     let row = size.0 * channels;
     let (isa, threads) = (options.isa()?, options.threads_for(size.0 * size.1, channels)?);
-    let mut pixels = buffer::<T::As>(row * size.1)?;
-    let mut averages = buffer::<T::As>(lut.rows() * lut.columns() * channels)?;
+    let mut pixels = buffer::filled("area", row * size.1, T::As::default())?;
+    let mut averages = buffer::filled("area", lut.rows() * lut.columns() * channels, T::As::default())?;
     let out_size = (lut.columns(), lut.rows());
     let band_rows = parallel::rows_per_band(size.1, size.0, threads);
     for (index, (image, out)) in images.iter().zip(outs).enumerate() {
@@ -78,13 +79,15 @@ pub(super) fn warp_by_stand_in<T: StandIn>(
                 let start = image.row_start(y);
                 convert(isa, &image.data()[start..start + row], to, T::into_stand_in);
             }
-        });
+            Ok(())
+        })?;
         // of one value for each channel, all; of one for each plane, its own
         let own = if border.len() == channels { 0 } else { index % border.len() };
-        let border: Vec<_> = border[own..own + channels].iter().map(|value| value.into_stand_in()).collect();
+        let border = border[own..own + channels].iter().map(|value| value.into_stand_in());
+        let border = buffer::collected("border_value", border)?;
         let options = WarpOptions {
             interpolation: options.interpolation,
-            border_value: border.clone(),
+            border_value: buffer::copied("border_value", &border)?,
             isa: options.isa,
             threads: options.threads,
         };
@@ -92,19 +95,11 @@ pub(super) fn warp_by_stand_in<T: StandIn>(
         let mut average = ImageViewMut::new(&mut averages, out_size, channels)?;
         warp(lut, &[image], std::slice::from_mut(&mut average), &border, &options)?;
         for (from, to) in averages.chunks(out_size.0 * channels).zip(out.rows()) {
+            check_interrupt()?;
             convert(isa, from, to, T::from_stand_in);
         }
     }
     Ok(())
-}
-
-/// Room for so many samples.
-fn buffer<T: Sample>(samples: usize) -> Result<Vec<T>> {
-    let mut buffer = Vec::new();
-    let bytes = samples.saturating_mul(size_of::<T>());
-    buffer.try_reserve_exact(samples).map_err(|_| Error::OutOfMemory { what: "area", bytes })?;
-    buffer.resize(samples, T::default());
-    Ok(buffer)
 }
 
 fn convert<T: Copy, U>(isa: Isa, from: &[T], to: &mut [U], each: impl Fn(T) -> U) {
