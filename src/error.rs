@@ -14,6 +14,16 @@ pub enum Error {
         /// The offending number.
         got: f64,
     },
+    /// An angle of more than a turn.
+    #[error(
+        "{what}: expected radians, at most a turn (2 pi, 6.28) either way, got {got}; if it is in degrees, give np.radians({got})"
+    )]
+    Angle {
+        /// The parameter's name.
+        what: &'static str,
+        /// The angle that came.
+        got: f64,
+    },
     /// A road height that is NaN, infinite, or farther away than any road.
     #[error("ground: expected a finite height in metres, at most 100 000 above or below the vehicle, got {got}")]
     Ground {
@@ -70,6 +80,20 @@ pub enum Error {
         got: [[f64; 3]; 3],
         /// Which of the conditions fails.
         problem: &'static str,
+    },
+    /// Focal lengths of a placeholder matrix, or of one that is not in pixels.
+    #[error(
+        "K: expected focal lengths in pixels, got fx {}, fy {} for an image of {width} x {height}; a matrix like the identity is a placeholder of a camera that is not calibrated; one in units of the image's size wants its first row times the width and its second times the height", readable(*fx), readable(*fy)
+    )]
+    FocalLength {
+        /// Pixels that a radian takes on the axis, along the rows.
+        fx: f64,
+        /// The same along the columns.
+        fy: f64,
+        /// Columns of the image.
+        width: u32,
+        /// Rows of the image.
+        height: u32,
     },
     /// A lens with another number of coefficients than its model has.
     #[error("{lens}: expected {expected} coefficients, got {got}")]
@@ -183,17 +207,17 @@ pub enum Error {
         /// Determinant of R.
         det: f64,
         /// What the caller can do.
-        mend: &'static str,
+        mend: String,
     },
     /// A 4x4 matrix whose last row is not (0, 0, 0, 1).
-    #[error(
-        "{what}: expected a rigid 4x4 transform with last row [0, 0, 0, 1], got last row {got:?}; is it transposed (row-vector convention)?"
-    )]
+    #[error("{what}: expected a rigid 4x4 transform with last row [0, 0, 0, 1], got last row {got:?}; {mend}")]
     LastRow {
         /// The parameter's name.
         what: &'static str,
         /// The last row that came.
         got: [f64; 4],
+        /// What the caller can do.
+        mend: &'static str,
     },
     /// A grid range that is reversed, empty or not finite.
     #[error("{axis}: expected a finite range (min, max) in metres with min < max, got ({min}, {max})")]
@@ -308,7 +332,9 @@ pub enum Error {
         length: usize,
     },
     /// An image of another size than the table was built for.
-    #[error("image is {}x{} but this Lut was built for {}x{}; use camera.resized() or camera.cropped() and build it again", got.0, got.1, expected.0, expected.1)]
+    #[error(
+        "image is {}x{} but this Lut was built for {}x{}; {}, and build it again", got.0, got.1, expected.0, expected.1, size_mend("image", *got, *expected)
+    )]
     SizeMismatch {
         /// (width, height) of the table's source.
         expected: (usize, usize),
@@ -403,19 +429,23 @@ pub enum Error {
         /// What came.
         got: f64,
     },
-    /// A depth image, or a mask of one, of another size than the camera's.
-    #[error("{what} is {}x{} but {of} {}x{}; {mend}", got.0, got.1, expected.0, expected.1)]
+    /// A depth image of another size than the camera's.
+    #[error("depth is {}x{} but the camera's image is {}x{}; {}", got.0, got.1, expected.0, expected.1, size_mend("depth", *got, *expected))]
     DepthSize {
-        /// The parameter's name.
-        what: &'static str,
-        /// Whose size is expected: "the camera's image is".
-        of: &'static str,
-        /// (width, height) expected.
+        /// (width, height) of the camera's image.
         expected: (usize, usize),
         /// (width, height) that came.
         got: (usize, usize),
-        /// What the caller can do.
-        mend: &'static str,
+    },
+    /// A mask of another size than its depth image.
+    #[error(
+        "mask is {}x{} but depth is {}x{}; {}give it one entry for each pixel of depth, shape ({}, {})", got.0, got.1, expected.0, expected.1, if is_swapped(*got, *expected) { "it seems transposed: " } else { "" }, expected.1, expected.0
+    )]
+    MaskSize {
+        /// (width, height) of the depth image.
+        expected: (usize, usize),
+        /// (width, height) that came.
+        got: (usize, usize),
     },
     /// A buffer that does not hold the points it claims.
     #[error(
@@ -541,6 +571,24 @@ pub enum Error {
 /// `Result` with this crate's [`Error`].
 pub type Result<T, E = Error> = std::result::Result<T, E>;
 
+/// How to make a camera fit pictures of another size than its own: mostly it was told the wrong one.
+fn size_mend(what: &str, got: (usize, usize), expected: (usize, usize)) -> String {
+    let (width, height) = got;
+    if is_swapped(got, expected) {
+        return format!(
+            "width and height are swapped: image_size is (width, height), while {what}.shape is (height, width); make the camera with image_size=({width}, {height})"
+        );
+    }
+    format!(
+        "make the camera with image_size=({width}, {height}) if its calibration is of pictures of this size (a table without a camera: source_size=), or use camera.resized() or camera.cropped() if the pictures were resized or cropped after it"
+    )
+}
+
+/// Whether one size is the other with width and height in each other's place.
+fn is_swapped(got: (usize, usize), expected: (usize, usize)) -> bool {
+    got == (expected.1, expected.0)
+}
+
 /// A number of cells, in powers of ten where it has too many digits to be read.
 fn count(cells: f64) -> String {
     if cells < 1e15 { format!("{cells}") } else { format!("{cells:.1e}") }
@@ -554,9 +602,15 @@ fn no_data_mend(got: f64) -> String {
     format!("np.where(heights == {got:?}, np.nan, heights)")
 }
 
-/// A length without the noise of its last bits: 0.9, not 0.8999999999999999.
-fn readable(metres: f64) -> f64 {
-    (metres * 1e9).round() / 1e9
+/// A number without the noise of its last bits: 0.9, not 0.8999999999999999.
+pub(crate) fn readable(value: f64) -> f64 {
+    (value * 1e9).round() / 1e9
+}
+
+/// `angle` if it can be one in radians: a finite number of at most a turn.
+pub(crate) fn radians(what: &'static str, angle: f64) -> Result<f64> {
+    let turn = std::f64::consts::TAU * (1.0 + 1e-9); // 6.283185307 of a file is a turn
+    if finite(what, angle)?.abs() <= turn { Ok(angle) } else { Err(Error::Angle { what, got: angle }) }
 }
 
 /// `value` if it is finite.

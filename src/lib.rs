@@ -24,6 +24,7 @@ mod camera;
 pub mod cloud;
 mod cpu;
 mod error;
+mod finding;
 pub mod geometry;
 mod grid;
 mod ground;
@@ -42,6 +43,7 @@ pub use camera::{
 };
 pub use cpu::{Isa, cpu_features};
 pub use error::{Error, Result};
+pub use finding::{Finding, Unseen};
 pub use grid::{BevGrid, MAX_CELLS, SampleAt};
 pub use ground::{Ground, HeightMap, Plane};
 pub use half::F16;

@@ -336,6 +336,7 @@ class Camera:
         camera_from_vehicle: ArrayLike | None = None,
         vehicle_from_camera: ArrayLike | None = None,
         lens: _Lens | None = None,
+        nearest_rotation: bool = False,
     ) -> Camera:
         """A camera from its intrinsic matrix and its pose.
 
@@ -347,10 +348,17 @@ class Camera:
             vehicle_from_camera: the inverse, for who has that. With neither, the camera stands at the origin and looks
                 along +x.
             lens: a lens model, or None for a pinhole.
+            nearest_rotation: take the rotation nearest to that of the pose (of its singular value decomposition), where
+                |R^T R - I| is up to 3e-2: matrices that were written with two or three digits.
 
         Raises:
-            CalibrationError: K is no pinhole matrix, or the pose is not rigid (|R^T R - I| <= 1e-4, det R > 0).
+            CalibrationError: K is no pinhole matrix, its focal lengths are those of a placeholder (1.5 pixels or less for
+                an image of more than 64), or the pose is not rigid (|R^T R - I| <= 1e-4, det R > 0).
             ArgumentError, ArgumentTypeError: a shape, a size or a type is wrong.
+
+        Warns:
+            CalibrationWarning: the focal length is below 5 % of the image's width, fx / fy outside 0.6 to 1.7, or the principal point outside the central 60 % of the image. Cameras derived from this one
+                say it no more.
         """
     @classmethod
     def from_euler(
@@ -380,6 +388,10 @@ class Camera:
 
         Raises:
             CalibrationError: a number is not finite, or K is no pinhole matrix.
+            ArgumentError: an angle is beyond a turn (2 pi): degrees; a shape or a size is wrong.
+
+        Warns:
+            CalibrationWarning: as `Camera(...)`.
         """
     @classmethod
     def from_vanishing_point(
@@ -402,7 +414,7 @@ class Camera:
         forward, y left, z up, `Rx(roll) w = (cos pitch cos yaw, -sin yaw, sin pitch cos yaw)`.
 
         Args:
-            vanishing_point: (u, v) in pixels, also outside the image.
+            vanishing_point: (u, v) in pixels of the raw picture, also outside it.
             image_size: (width, height) in pixels.
             focal_length: pixels, or (fx, fy).
             height: of the optical centre above the vehicle's origin, metres.
@@ -414,7 +426,10 @@ class Camera:
 
         Raises:
             CalibrationError: a number is not finite, or a focal length not positive.
-            ArgumentError: the lens has no direction for the vanishing point.
+            ArgumentError: the lens has no direction for the vanishing point, or roll is beyond a turn (2 pi): degrees.
+
+        Warns:
+            CalibrationWarning: as `Camera(...)`.
         """
     @classmethod
     def from_cityscapes(
@@ -1084,11 +1099,12 @@ class Camera:
         Raises:
             ArgumentError, ArgumentTypeError: the shape or the type is wrong, or an error is negative or not finite.
         """
-    def with_pose(self, camera_from_vehicle: ArrayLike) -> Camera:
+    def with_pose(self, camera_from_vehicle: ArrayLike, *, nearest_rotation: bool = False) -> Camera:
         """The same camera elsewhere.
 
         Args:
             camera_from_vehicle: (4, 4) rigid transform to the optical frame.
+            nearest_rotation: as for `Camera(...)`.
 
         Raises:
             CalibrationError: it is not rigid.
@@ -1324,7 +1340,8 @@ class Lut:
         """The table of a camera and a grid.
 
         Cells behind the camera or outside its image are invalid; nothing wraps. On a `HeightMap` so are cells where the
-        road is not known, and those that a crest hides.
+        road is not known, and those that a crest hides. Of a road that passes through the camera, which sees it edge-on, all
+        are.
 
         Args:
             camera: the camera.
@@ -1335,6 +1352,9 @@ class Lut:
         Raises:
             ArgumentError, ArgumentTypeError: an argument is of another kind, or `ground` is not finite.
             OutOfMemoryError: there is not enough memory for the table.
+
+        Warns:
+            CalibrationWarning: the camera is not above its road, or no cell sees the image; the text says why.
         """
     @classmethod
     def from_maps(
@@ -1488,6 +1508,7 @@ def rotation_from_euler(roll: float, pitch: float, yaw: float) -> NDArray[np.flo
 
     Raises:
         CalibrationError: an angle is not finite.
+        ArgumentError: an angle is beyond a turn (2 pi): degrees.
     """
 
 def homography_from_points(
@@ -1514,16 +1535,24 @@ def homography_from_points(
         CalibrationError: a coordinate is not finite.
     """
 
-def vanishing_point(lines: ArrayLike) -> tuple[float, float]:
+def vanishing_point(lines: ArrayLike, *, camera: Camera | None = None) -> tuple[float, float]:
     """The pixel where lines meet, such as lane markings: see `Camera.from_vanishing_point`.
 
-    Of two lines their intersection; of more the point with the least sum of squared distances from them.
+    Of two lines their intersection; of more the point with the least sum of squared distances from them. Through a camera,
+    each line is the plane of its two rays, and the result the pixel of the direction that lies in all planes: of more than
+    two, the one with the least sum of squared sines of its angles to them.
 
     Args:
         lines: (N, 2, 2), two points (u, v) of each line, far apart.
+        camera: a camera whose lens bends the lines of the raw picture; its pose does not matter. None takes the lines as
+            straight, which those of a pinhole are.
+
+    Returns:
+        (u, v), a pixel of the same picture, also outside it.
 
     Raises:
-        ArgumentError: fewer than two lines, all parallel, or both points of one in the same place.
+        ArgumentError: fewer than two lines, all parallel, both points of one in the same place, or a point beyond the
+            lens.
         CalibrationError: a coordinate is not finite.
     """
 

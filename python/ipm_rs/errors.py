@@ -1,4 +1,4 @@
-"""Exceptions: `IpmError` and its kin, each also the built-in exception that a caller would expect."""
+"""Exceptions: `IpmError` and its kin, each also the built-in exception that a caller would expect; and one warning."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ __all__ = [
     "ArgumentError",
     "ArgumentTypeError",
     "CalibrationError",
+    "CalibrationWarning",
     "DtypeError",
     "FileError",
     "GridError",
@@ -24,6 +25,14 @@ class IpmError(Exception):
 
 class CalibrationError(IpmError, ValueError):
     """A camera, a pose or the content of a calibration file that cannot be right."""
+
+
+class CalibrationWarning(UserWarning):
+    """A camera, or what a table sees of its road, that is possible and yet usually a mistake.
+
+    The text says what is odd, what usually causes it and how to mend it. ``warnings.filterwarnings("ignore",
+    category=ipm_rs.CalibrationWarning)`` where it is meant so; ``"error"`` makes it an exception.
+    """
 
 
 class GridError(IpmError, ValueError):

@@ -4,6 +4,7 @@ mod horizon;
 pub(crate) mod lens;
 mod on_ground;
 mod pinhole;
+mod plausibility;
 mod polyline;
 mod range;
 mod trace;
@@ -17,7 +18,7 @@ pub use views::Binning;
 
 use nalgebra::{Matrix3, Vector3};
 
-use crate::error::{Error, Result, finite};
+use crate::error::{Error, Result, finite, radians};
 use crate::geometry::{OPTICAL_FROM_FLU, Pose, euler_from_rotation, rotation_from_euler};
 
 /// Where a point falls on the image.
@@ -57,7 +58,7 @@ impl Camera {
     /// the optical axes. Angles in radians; positive pitch looks down. Source: Cityscapes csCalibration.pdf.
     ///
     /// # Errors
-    /// [`Error::NotFinite`] and those of [`Camera::new`].
+    /// [`Error::NotFinite`], [`Error::Angle`] beyond a turn, which is degrees, and those of [`Camera::new`].
     pub fn from_euler(
         model: Pinhole,
         image_size: (u32, u32),
@@ -67,7 +68,7 @@ impl Camera {
         yaw: f64,
     ) -> Result<Self> {
         for (what, value) in [("roll", roll), ("pitch", pitch), ("yaw", yaw)] {
-            finite(what, value)?;
+            radians(what, value)?;
         }
         for value in position {
             finite("position", value)?;

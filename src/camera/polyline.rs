@@ -35,7 +35,8 @@ impl Camera {
     }
 
     /// The image of a polyline on the road, from its (x, y), as [`Camera::project_polyline`]. On a height map it follows
-    /// the road, and is cut where the road is not known and where a crest hides it.
+    /// the road, and is cut where the road is not known and where a crest hides it. Of a plane through the camera, which
+    /// is seen edge-on, there is nothing.
     ///
     /// # Errors
     /// Those of [`Camera::project_polyline`].
@@ -47,9 +48,13 @@ impl Camera {
         tolerance: f64,
     ) -> Result<Vec<Vec<[f64; 2]>>> {
         let lift = |[x, y]: [f64; 2]| Vector3::new(x, y, ground.height_at(x, y));
-        let Ground::HeightMap(map) = ground else {
-            let points = buffer::collected("points", points.iter().copied().map(lift))?;
-            return self.project_polyline(&points, margin, tolerance);
+        let map = match ground {
+            Ground::HeightMap(map) => map,
+            Ground::Plane(plane) => {
+                let seen = if plane.is_edge_on(&self.position()) { &[] } else { points };
+                let points = buffer::collected("points", seen.iter().copied().map(lift))?;
+                return self.project_polyline(&points, margin, tolerance);
+            }
         };
         check_tracing(margin, tolerance)?;
         let mut tracer = Tracer::new(self.image_size(), margin, tolerance);

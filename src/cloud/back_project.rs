@@ -192,15 +192,12 @@ impl<'a, T: DepthSample> Job<'a, T> {
         let got = (depth.width(), depth.height());
         let expected = (camera.image_size().0 as usize, camera.image_size().1 as usize);
         if got != expected {
-            let mend = "use camera.resized() or camera.cropped()";
-            return Err(Error::DepthSize { what: "depth", of: "the camera's image is", expected, got, mend });
+            return Err(Error::DepthSize { expected, got });
         }
         if let Some(mask) = mask
             && (mask.width(), mask.height()) != got
         {
-            let (expected, got) = (got, (mask.width(), mask.height()));
-            let mend = "give it one entry for each pixel";
-            return Err(Error::DepthSize { what: "mask", of: "depth is", expected, got, mend });
+            return Err(Error::MaskSize { expected: got, got: (mask.width(), mask.height()) });
         }
         let size = points_size(got, options.stride);
         super::check_points("depth", size, "use stride or camera.cropped()")?;

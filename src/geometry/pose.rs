@@ -2,10 +2,13 @@
 
 use nalgebra::{Matrix3, Matrix4, Vector3};
 
-use crate::error::{Error, Result, finite};
+use crate::error::{Error, Result, finite, readable};
 
 /// Largest |R^T R - I| of a rotation. KITTI's printed matrices are off by 8e-8; a matrix off by 1e-3 is a mistake.
 const ORTHONORMALITY: f64 = 1e-4;
+
+/// Largest |R^T R - I| that a rotation of two or three digits can have, whose nearest rotation is meant.
+const FEW_DIGITS: f64 = 3e-2;
 
 /// A rigid transform `dst_from_src`: `p_dst = R p_src + t`, metres.
 ///
@@ -35,11 +38,18 @@ impl Pose {
     /// # Errors
     /// Those of [`Pose::new`], and [`Error::LastRow`] where the last row is not (0, 0, 0, 1).
     pub fn from_matrix(what: &'static str, matrix: &Matrix4<f64>) -> Result<Self> {
-        let last: [f64; 4] = std::array::from_fn(|column| matrix[(3, column)]);
-        if last != [0.0, 0.0, 0.0, 1.0] {
-            return Err(Error::LastRow { what, got: last });
-        }
-        Self::new(what, matrix.fixed_view::<3, 3>(0, 0).into(), matrix.fixed_view::<3, 1>(0, 3).into())
+        let (rotation, translation) = parts(what, matrix)?;
+        Self::new(what, rotation, translation)
+    }
+
+    /// A transform from a 4x4 matrix whose rotation was written with two or three digits: with the nearest rotation, that
+    /// of its singular value decomposition.
+    ///
+    /// # Errors
+    /// Those of [`Pose::from_matrix`], [`Error::NotRigid`] where `|R^T R - I| > 3e-2` or `det R <= 0`.
+    pub fn nearest(what: &'static str, matrix: &Matrix4<f64>) -> Result<Self> {
+        let (rotation, translation) = parts(what, matrix)?;
+        Self::new(what, nearest_rotation(what, &rotation)?, translation)
     }
 
     /// The 3x3 rotation, as given.
@@ -89,22 +99,61 @@ impl Pose {
     }
 }
 
+/// R and t of a 4x4 matrix.
+fn parts(what: &'static str, matrix: &Matrix4<f64>) -> Result<(Matrix3<f64>, Vector3<f64>)> {
+    let last: [f64; 4] = std::array::from_fn(|column| matrix[(3, column)]);
+    if last == [0.0, 0.0, 0.0, 1.0] {
+        return Ok((matrix.fixed_view::<3, 3>(0, 0).into(), matrix.fixed_view::<3, 1>(0, 3).into()));
+    }
+    let is_transposed = (0..3).all(|row| matrix[(row, 3)] == 0.0) && matrix[(3, 3)] == 1.0;
+    let mend = if is_transposed {
+        "it is transposed (row vectors): give its transpose, .T"
+    } else {
+        "give the pose alone, [R t] above [0, 0, 0, 1], without K or a scale"
+    };
+    Err(Error::LastRow { what, got: last, mend })
+}
+
+/// The rotation nearest to a matrix that nearly is one.
+fn nearest_rotation(what: &'static str, matrix: &Matrix3<f64>) -> Result<Matrix3<f64>> {
+    check_within(what, matrix, FEW_DIGITS)?;
+    let svd = matrix.svd(true, true);
+    let (Some(u), Some(v_t)) = (svd.u, svd.v_t) else { unreachable!("asked for both") };
+    Ok(u * v_t)
+}
+
 /// Refuses what is not a rotation.
 pub(crate) fn check_rotation(what: &'static str, rotation: &Matrix3<f64>) -> Result<()> {
+    check_within(what, rotation, ORTHONORMALITY)
+}
+
+fn check_within(what: &'static str, rotation: &Matrix3<f64>, tolerance: f64) -> Result<()> {
     for &value in rotation.iter() {
         finite(what, value)?;
     }
-    let deviation = (rotation.transpose() * rotation - Matrix3::identity()).abs().max();
+    let gram = rotation.transpose() * rotation;
+    let deviation = (gram - Matrix3::identity()).abs().max();
     let det = rotation.determinant();
-    if deviation > ORTHONORMALITY {
-        let mend = "check its order, units and whether a scale is mixed in";
-        return Err(Error::NotRigid { what, deviation, det, mend });
+    if deviation <= tolerance && det > 0.0 {
+        return Ok(());
     }
-    if det <= 0.0 {
-        let mend = "one of its two frames is left-handed: mirror that one, T @ diag(1, -1, 1, 1) for the source frame or diag(1, -1, 1, 1) @ T for the destination";
-        return Err(Error::NotRigid { what, deviation, det, mend });
+    let scale = (gram.trace() / 3.0).sqrt();
+    let is_scaled = (gram / (scale * scale) - Matrix3::identity()).abs().max() <= ORTHONORMALITY;
+    let mut mends = Vec::new();
+    if det <= 0.0 && (deviation <= FEW_DIGITS || is_scaled) {
+        mends.push("one of its two frames is left-handed: mirror that one, T @ diag(1, -1, 1, 1) for the source frame or diag(1, -1, 1, 1) @ T for the destination".to_owned());
     }
-    Ok(())
+    if is_scaled && deviation > ORTHONORMALITY {
+        mends.push(format!("a scale is mixed in: divide R by {} and look at the units of t", readable(scale)));
+    }
+    if mends.is_empty() || det > 0.0 {
+        if deviation <= FEW_DIGITS {
+            mends.push("if it was written with few digits, pass nearest_rotation=True where a camera takes its pose, or give U V^T of its singular value decomposition".to_owned());
+        } else if mends.is_empty() {
+            mends.push("check the order of its entries (row by row), and that it is R and not K R".to_owned());
+        }
+    }
+    Err(Error::NotRigid { what, deviation, det, mend: mends.join("; ") })
 }
 
 #[cfg(test)]
@@ -119,6 +168,48 @@ mod tests {
         let point = Vector3::new(10.0, 20.0, 30.0);
         assert!((pose.inverse().transform(&pose.transform(&point)) - point).abs().max() < 1e-13);
         assert_eq!(pose.rotation(), &coarse);
+    }
+
+    #[test]
+    fn few_digits_are_mended_by_the_nearest_rotation() {
+        let rotation = rotation_from_euler(0.2, -0.3, 1.1);
+        for digits in [1e-2, 1e-3, 1e-4] {
+            let coarse = rotation.map(|v| (v / digits).round() * digits);
+            let mut matrix = Matrix4::identity();
+            matrix.fixed_view_mut::<3, 3>(0, 0).copy_from(&coarse);
+            matrix[(0, 3)] = 1.7;
+            let Err(refused) = Pose::from_matrix("T", &matrix) else { continue };
+            assert!(refused.to_string().contains("nearest_rotation=True"), "{refused}");
+            let pose = Pose::nearest("T", &matrix).unwrap();
+            let found = pose.rotation();
+            assert!((found.transpose() * found - Matrix3::identity()).abs().max() < 1e-14);
+            // the nearest one: R^T M is symmetric
+            let product = found.transpose() * coarse;
+            assert!((product - product.transpose()).abs().max() < 1e-14);
+            assert!((found - rotation).abs().max() < digits);
+            assert_eq!(pose.translation().x, 1.7);
+        }
+    }
+
+    #[test]
+    fn each_mistake_has_its_own_mend() {
+        let rotation = rotation_from_euler(0.1, 0.2, 0.3);
+        let mend = |matrix: Matrix3<f64>| Pose::new("T", matrix, Vector3::zeros()).unwrap_err().to_string();
+        let mirrored = Matrix3::from_diagonal(&Vector3::new(1.0, -1.0, 1.0)) * rotation;
+        assert!(mend(mirrored).contains("left-handed") && !mend(mirrored).contains("nearest_rotation"));
+        assert!(mend(mirrored.map(|v| (v * 1e3).round() / 1e3)).contains("left-handed"));
+        assert!(mend(rotation * 1000.0).contains("divide R by 1000 "), "{}", mend(rotation * 1000.0));
+        assert!(mend(rotation * 1.002).contains("nearest_rotation=True"));
+        let sheared = rotation + Matrix3::new(0.0, 0.3, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
+        assert!(mend(sheared).contains("row by row") && !mend(sheared).contains("nearest_rotation"));
+        for matrix in [mirrored, rotation * 1.1, sheared] {
+            let mut pose = Matrix4::identity();
+            pose.fixed_view_mut::<3, 3>(0, 0).copy_from(&matrix);
+            assert!(matches!(Pose::nearest("T", &pose), Err(Error::NotRigid { .. })));
+        }
+        let pose = Pose::new("T", rotation, Vector3::new(1.0, 2.0, 3.0)).unwrap().matrix();
+        assert!(Pose::from_matrix("T", &pose.transpose()).unwrap_err().to_string().contains(".T"));
+        assert!(!Pose::from_matrix("T", &(pose * 2.0)).unwrap_err().to_string().contains(".T"));
     }
 
     #[test]

@@ -1,5 +1,7 @@
 //! A road of heights at the nodes of a grid.
 
+use nalgebra::Vector3;
+
 use super::peaks::Peaks;
 use crate::error::{Error, Result, finite};
 
@@ -116,6 +118,31 @@ impl HeightMap {
         }
     }
 
+    /// z of the road at (x, y), or of the known node nearest to it where that is unknown.
+    pub(super) fn nearest_height(&self, x: f64, y: f64) -> f64 {
+        let here = self.height_at(x, y);
+        if !here.is_nan() {
+            return here;
+        }
+        let away = |k: usize| {
+            let (i, j) = ((k / self.columns) as f64, (k % self.columns) as f64);
+            (self.origin.0 + i * self.spacing.0 - x).hypot(self.origin.1 + j * self.spacing.1 - y)
+        };
+        let known = (0..self.heights.len()).filter(|&k| !self.heights[k].is_nan());
+        let nearest = known.map(|k| (away(k), self.heights[k])).min_by(|a, b| a.0.total_cmp(&b.0));
+        nearest.map_or(f64::NAN, |(_, height)| height)
+    }
+
+    /// How high `eye` is above the road's tangent plane at (x, y); NaN where the road is unknown.
+    pub(super) fn above_tangent(&self, eye: &Vector3<f64>, x: f64, y: f64) -> f64 {
+        let (Some(row), Some(column)) = (self.between_rows(x), self.between_columns(y)) else { return f64::NAN };
+        let [near, far] = [self.row(row.node), self.row(row.node + 1)];
+        let [a, b, c, d] = [near[column.node], near[column.node + 1], far[column.node], far[column.node + 1]];
+        let (along_x, along_y) = (blend(c - a, d - b, column.fraction), blend(b - a, d - c, row.fraction));
+        let height = blend(blend(a, b, column.fraction), blend(c, d, column.fraction), row.fraction);
+        eye.z - height - along_x / self.spacing.0 * (eye.x - x) - along_y / self.spacing.1 * (eye.y - y)
+    }
+
     /// The heights of a row of nodes.
     #[inline]
     pub(super) fn row(&self, row: usize) -> &[f64] {
@@ -188,6 +215,26 @@ mod tests {
         for (x, y) in [(9.99, 0.0), (12.01, 0.0), (11.0, -1.01), (11.0, 1.01), (11.0, 0.5), (f64::NAN, 0.0)] {
             assert!(map.height_at(x, y).is_nan(), "{x} {y}");
         }
+    }
+
+    #[test]
+    fn beside_the_map_the_nearest_known_node_counts() {
+        let map = twisted();
+        assert_eq!(map.nearest_height(11.0, -0.5), 2.5, "on the map its own height");
+        assert_eq!(map.nearest_height(0.0, -3.0), 0.0);
+        assert_eq!(map.nearest_height(30.0, 0.2), 4.0);
+        assert_eq!(map.nearest_height(11.9, 0.9), 4.0, "beside a hole");
+    }
+
+    #[test]
+    fn an_eye_above_the_tangent_plane() {
+        let map = HeightMap::new(vec![0.0, 0.1, 0.2, 0.3], 2, (10.0, -1.0), (2.0, 1.0)).unwrap();
+        // the plane z = 0.1 (x - 10) + 0.1 (y + 1)
+        for (eye, above) in [([0.0, 0.0, -0.9], 0.0), ([0.0, 0.0, 0.6], 1.5), ([20.0, 0.0, 0.6], -0.5)] {
+            let found = map.above_tangent(&eye.into(), 11.3, -0.4);
+            assert!((found - above).abs() < 1e-14, "{eye:?} {found}");
+        }
+        assert!(map.above_tangent(&Vector3::zeros(), 9.0, 0.0).is_nan());
     }
 
     #[test]

@@ -17,6 +17,9 @@ pub(crate) use rows::HeightRows;
 
 use crate::error::{Error, Result};
 
+/// Metres from the optical centre to a road that is seen edge-on: less is rounding, and no camera is so near.
+const EDGE_ON: f64 = 1e-6;
+
 /// The road surface in the vehicle frame, metres: one height for each (x, y), where it is known.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Ground {
@@ -57,13 +60,27 @@ impl Ground {
         }
     }
 
-    /// Whether the road itself stands between `eye` and a point on it: behind a crest. Never for a plane.
+    /// Whether the road itself stands between `eye` and a point on it: behind a crest, or because the eye lies in the
+    /// road's plane and sees it edge-on.
     pub fn hides(&self, eye: &Vector3<f64>, point: &Vector3<f64>) -> bool {
         match self {
-            Self::Plane(_) => false,
+            Self::Plane(plane) => plane.is_edge_on(eye),
             Self::HeightMap(map) => map.hides(eye, point),
         }
     }
+
+    /// z of the road below or above `eye`; where that is unknown, at the known node nearest to it.
+    pub(crate) fn nearest_height(&self, eye: &Vector3<f64>) -> f64 {
+        match self {
+            Self::Plane(plane) => plane.height_at(eye.x, eye.y),
+            Self::HeightMap(map) => map.nearest_height(eye.x, eye.y),
+        }
+    }
+}
+
+/// Whether `eye` and a road `height` above it are in one place but for rounding.
+pub(crate) fn is_edge_on(height: f64) -> bool {
+    height.abs() <= EDGE_ON
 }
 
 impl Default for Ground {

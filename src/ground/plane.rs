@@ -2,6 +2,7 @@
 
 use nalgebra::Vector3;
 
+use super::is_edge_on;
 use super::nodata::HIGHEST;
 use crate::error::{Error, Result, finite};
 
@@ -103,13 +104,18 @@ impl Plane {
         self.a + self.b * x + self.c * y
     }
 
-    /// Where the ray from `origin` along `direction` meets the plane.
+    /// Whether the plane passes through `eye`, from where it is a line and not a road.
+    pub(crate) fn is_edge_on(&self, eye: &Vector3<f64>) -> bool {
+        is_edge_on(self.height_at(eye.x, eye.y) - eye.z)
+    }
+
+    /// Where the ray from `origin` along `direction` meets the plane; nowhere where the plane passes through `origin`.
     pub(super) fn intersect(&self, origin: &Vector3<f64>, direction: &Vector3<f64>) -> Option<Vector3<f64>> {
         let above = self.height_at(origin.x, origin.y) - origin.z;
         let distance = above / (direction.z - self.b * direction.x - self.c * direction.y);
         let point = origin + direction * distance;
         // a ray within rounding of the horizon ends at infinity
-        (distance > 0.0 && point.x.is_finite() && point.y.is_finite())
+        (distance > 0.0 && !is_edge_on(above) && point.x.is_finite() && point.y.is_finite())
             .then(|| Vector3::new(point.x, point.y, self.height_at(point.x, point.y)))
     }
 }
@@ -144,6 +150,18 @@ mod tests {
         assert_eq!(plane.intersect(&origin, &-direction), None, "behind");
         assert_eq!(plane.intersect(&origin, &Vector3::new(1.0, 0.0, 0.06)), None, "steeper than the road");
         assert!(plane.intersect(&origin, &Vector3::new(1.0, 0.0, 0.04)).is_some(), "uphill");
+    }
+
+    #[test]
+    fn a_plane_through_the_eye_is_met_nowhere() {
+        let plane = Plane::from_angles(0.05, -0.02, -0.3).unwrap();
+        let eye = Vector3::new(1.0, 0.2, plane.height_at(1.0, 0.2));
+        for off in [0.0, 4e-16, -4e-16] {
+            let eye = eye + Vector3::z() * off;
+            assert!(plane.is_edge_on(&eye));
+            assert_eq!(plane.intersect(&eye, &Vector3::new(1.0, 0.0, -0.1)), None);
+        }
+        assert!(!plane.is_edge_on(&(eye + Vector3::z() * 1e-3)));
     }
 
     #[test]

@@ -7,7 +7,7 @@ use std::ops::ControlFlow;
 
 use nalgebra::Vector3;
 
-use super::HeightMap;
+use super::{EDGE_ON, HeightMap, is_edge_on};
 
 /// Height difference that is rounding, metres.
 const ROUNDING: f64 = 1e-9;
@@ -71,19 +71,26 @@ impl HeightMap {
                 None => ControlFlow::Continue(()),
             }
         });
-        let point = origin + direction * found??;
+        let way = found??;
+        if is_edge_on(way) {
+            return None; // the eye itself lies in the road
+        }
+        let point = origin + direction * way;
         let height = self.height_at(point.x, point.y);
         // at the map's border rounding may have put the point outside
         Some(Vector3::new(point.x, point.y, if height.is_nan() { point.z } else { height }))
     }
 
-    /// Whether the road stands between `eye` and a point on it. What is not known hides nothing.
+    /// Whether the road stands between `eye` and a point on it, or is seen edge-on there. What is not known hides nothing.
     pub(crate) fn hides(&self, eye: &Vector3<f64>, point: &Vector3<f64>) -> bool {
         let side = self.side(eye);
         let to_eye = eye - point;
         // where the line rises faster than any road, none comes up to it
-        if side * to_eye.z >= self.peaks().steepest * to_eye.x.hypot(to_eye.y) {
+        if side * to_eye.z > self.peaks().steepest * to_eye.x.hypot(to_eye.y) + EDGE_ON {
             return false;
+        }
+        if is_edge_on(self.above_tangent(eye, point.x, point.y)) {
+            return true;
         }
         self.cross(point, &to_eye, 1.0, side, |crossing| {
             if crossing.lowest().0 < -CUT_OFF { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }

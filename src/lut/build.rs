@@ -40,7 +40,8 @@ impl GroundRow {
 impl Lut {
     /// The table of a bird's-eye view: each cell of the grid samples the pixel that sees its road point. Cells behind
     /// the camera, outside its lens's domain or outside its image are invalid; nothing wraps. Of a height map, so are
-    /// cells where the road is not known, and those that a crest hides.
+    /// cells where the road is not known, and those that a crest hides; and all cells of a road that passes through the
+    /// camera, which sees it edge-on. [`Lut::plausibility`] says what is odd.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`] where there is no memory for the table, [`Error::Isa`] where the environment variable
@@ -53,10 +54,15 @@ impl Lut {
             Ground::Plane(plane) => {
                 let (window, step) = (Window::of(camera), GroundRow::step(camera, plane));
                 let rows = window.as_ref().map(|window| window.over(grid, &step));
+                let edge_on = plane.is_edge_on(&camera.position());
                 let row_and_seen = |row: usize| {
                     let origin = GroundRow::origin(camera, plane, grid.x_of_row(row as f64));
-                    let columns = rows.as_ref().map(|rows| rows.columns(&origin));
-                    (GroundRow { origin, step }, columns.unwrap_or(0..grid.columns()))
+                    let columns = match &rows {
+                        _ if edge_on => 0..0,
+                        Some(rows) => rows.columns(&origin),
+                        None => 0..grid.columns(),
+                    };
+                    (GroundRow { origin, step }, columns)
                 };
                 match camera.lens() {
                     None => Table::build(shape, camera.image_size(), isa, |row, us, vs| {

@@ -7,6 +7,7 @@ mod density;
 mod io;
 pub(crate) mod kernels;
 mod maps;
+mod plausibility;
 mod surface;
 pub(crate) mod table;
 pub(crate) mod tap;

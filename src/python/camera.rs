@@ -4,17 +4,18 @@ use std::hash::{Hash, Hasher};
 
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyTuple, PyType};
+use pyo3::types::{PyTuple, PyType};
 
 use super::arrays;
 use super::cloud;
-use super::convert::{Floats, Reduced, float, floats, matrix_to_numpy, matrix3, matrix4, rebuilt_by_new, size, whole};
+use super::convert::{Call, Floats, flag, float, floats, matrix_to_numpy, matrix3, matrix4, size, whole};
 use super::each::{each_projected, each_row};
 use super::error::classes::CalibrationError;
 use super::ground::{given_road, only_ground, road};
 use super::lens::{hash_lens, lens as lens_model, lens_to_python};
 use super::options::thread_count;
 use super::points::PointsArray;
+use super::warnings::checked;
 use crate::geometry::Pose;
 use crate::{Camera, Pinhole};
 
@@ -42,15 +43,23 @@ impl Hash for PyCamera {
 #[pymethods]
 impl PyCamera {
     #[new]
-    #[pyo3(signature = (K, *, image_size, camera_from_vehicle = None, vehicle_from_camera = None, lens = None))]
+    #[pyo3(
+        signature = (K, *positional, image_size = None, camera_from_vehicle = None, vehicle_from_camera = None, lens = None, nearest_rotation = None),
+        text_signature = "(K, *, image_size, camera_from_vehicle=None, vehicle_from_camera=None, lens=None, nearest_rotation=False)"
+    )]
     #[expect(non_snake_case, reason = "the field's name for the intrinsic matrix")]
     fn new(
         K: &Bound<'_, PyAny>,
-        image_size: &Bound<'_, PyAny>,
+        positional: &Bound<'_, PyTuple>,
+        image_size: Option<&Bound<'_, PyAny>>,
         camera_from_vehicle: Option<&Bound<'_, PyAny>>,
         vehicle_from_camera: Option<&Bound<'_, PyAny>>,
         lens: Option<&Bound<'_, PyAny>>,
+        nearest_rotation: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
+        let call = Call::new("Camera", "Camera(K, image_size=(1920, 1080), camera_from_vehicle=T)", positional)?;
+        let image_size = call.needs("image_size", image_size)?;
+        let pose = |name, matrix| pose(name, matrix, nearest_rotation);
         let pose = match (camera_from_vehicle, vehicle_from_camera) {
             (None, None) => Camera::forward_pose(),
             (Some(matrix), None) => pose("camera_from_vehicle", matrix)?,
@@ -61,15 +70,14 @@ impl PyCamera {
                 ));
             }
         };
-        Ok(Self {
-            camera: Camera::new(pinhole(K)?, size("image_size", image_size)?, pose)?.with_lens(lens_model(lens)?),
-        })
+        let camera = Camera::new(pinhole(K)?, size("image_size", image_size)?, pose)?.with_lens(lens_model(lens)?);
+        Ok(Self { camera: checked(K.py(), camera)? })
     }
 
     #[doc = help!("Camera.from_euler")]
     #[classmethod]
     #[pyo3(
-        signature = (K, *, image_size, position = None, roll = None, pitch = None, yaw = None, lens = None),
+        signature = (K, *positional, image_size = None, position = None, roll = None, pitch = None, yaw = None, lens = None),
         text_signature = "(K, *, image_size, position=(0.0, 0.0, 0.0), roll=0.0, pitch=0.0, yaw=0.0, lens=None)"
     )]
     #[expect(non_snake_case, reason = "the field's name for the intrinsic matrix")]
@@ -77,19 +85,23 @@ impl PyCamera {
     fn from_euler(
         _cls: &Bound<'_, PyType>,
         K: &Bound<'_, PyAny>,
-        image_size: &Bound<'_, PyAny>,
+        positional: &Bound<'_, PyTuple>,
+        image_size: Option<&Bound<'_, PyAny>>,
         position: Option<&Bound<'_, PyAny>>,
         roll: Option<&Bound<'_, PyAny>>,
         pitch: Option<&Bound<'_, PyAny>>,
         yaw: Option<&Bound<'_, PyAny>>,
         lens: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
+        const EXAMPLE: &str = "Camera.from_euler(K, image_size=(1920, 1080), position=(1.7, 0, 1.4), pitch=0.05)";
+        let call = Call::new("Camera.from_euler", EXAMPLE, positional)?;
+        let image_size = call.needs("image_size", image_size)?;
         let angle = |name, object: Option<&Bound<'_, PyAny>>| object.map_or(Ok(0.0), |object| float(name, object));
         let position = position.map_or(Ok([0.0; 3]), |object| floats("position", "(x, y, z) in metres", object))?;
         let (roll, pitch, yaw) = (angle("roll", roll)?, angle("pitch", pitch)?, angle("yaw", yaw)?);
         let size = size("image_size", image_size)?;
-        let camera = Camera::from_euler(pinhole(K)?, size, position, roll, pitch, yaw)?;
-        Ok(Self { camera: camera.with_lens(lens_model(lens)?) })
+        let camera = Camera::from_euler(pinhole(K)?, size, position, roll, pitch, yaw)?.with_lens(lens_model(lens)?);
+        Ok(Self { camera: checked(K.py(), camera)? })
     }
 
     #[doc = help!("Camera.intrinsics")]
@@ -197,19 +209,37 @@ impl PyCamera {
     }
 
     #[doc = help!("Camera.with_pose")]
-    #[pyo3(signature = (camera_from_vehicle))]
-    fn with_pose(&self, camera_from_vehicle: &Bound<'_, PyAny>) -> PyResult<Self> {
-        Ok(Self { camera: self.camera.with_pose(pose("camera_from_vehicle", camera_from_vehicle)?) })
+    #[pyo3(
+        signature = (camera_from_vehicle, *, nearest_rotation = None),
+        text_signature = "(self, camera_from_vehicle, *, nearest_rotation=False)"
+    )]
+    fn with_pose(
+        &self,
+        camera_from_vehicle: &Bound<'_, PyAny>,
+        nearest_rotation: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        let pose = pose("camera_from_vehicle", camera_from_vehicle, nearest_rotation)?;
+        Ok(Self { camera: self.camera.with_pose(pose) })
     }
 
-    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Reduced<'py>> {
-        let keywords = PyDict::new(py);
-        keywords.set_item("image_size", self.image_size())?;
-        keywords.set_item("camera_from_vehicle", self.camera_from_vehicle(py)?)?;
-        if let Some(lens) = self.lens(py)? {
-            keywords.set_item("lens", lens)?;
-        }
-        rebuilt_by_new(py.get_type::<Self>(), PyTuple::new(py, [self.intrinsics(py)?])?, keywords)
+    /// A camera out of a pickle: nothing is said of it again, for what is odd about it was said when it was made, or
+    /// comes of a crop.
+    #[classmethod]
+    fn _unpickled(
+        _cls: &Bound<'_, PyType>,
+        k: &Bound<'_, PyAny>,
+        image_size: &Bound<'_, PyAny>,
+        camera_from_vehicle: &Bound<'_, PyAny>,
+        lens: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        let pose = pose("camera_from_vehicle", camera_from_vehicle, None)?;
+        let camera = Camera::new(pinhole(k)?, size("image_size", image_size)?, pose)?;
+        Ok(Self { camera: camera.with_lens(lens_model(lens)?) })
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Parts<'py>)> {
+        let rebuild = py.get_type::<Self>().getattr("_unpickled")?;
+        Ok((rebuild, (self.intrinsics(py)?, self.image_size(), self.camera_from_vehicle(py)?, self.lens(py)?)))
     }
 
     fn __repr__(&self) -> String {
@@ -217,10 +247,16 @@ impl PyCamera {
     }
 }
 
+/// K, image size, pose and lens, of which a pickle is made.
+type Parts<'py> = (Bound<'py, PyArray2<f64>>, (u32, u32), Bound<'py, PyArray2<f64>>, Option<Bound<'py, PyAny>>);
+
 fn pinhole(k: &Bound<'_, PyAny>) -> PyResult<Pinhole> {
     Ok(Pinhole::from_matrix(&matrix3("K", k)?)?)
 }
 
-fn pose(name: &'static str, object: &Bound<'_, PyAny>) -> PyResult<Pose> {
-    Ok(Pose::from_matrix(name, &matrix4(name, object)?)?)
+/// A pose as given, or with the nearest rotation if asked for.
+fn pose(name: &'static str, object: &Bound<'_, PyAny>, nearest: Option<&Bound<'_, PyAny>>) -> PyResult<Pose> {
+    let nearest = nearest.map_or(Ok(false), |object| flag("nearest_rotation", object))?;
+    let matrix = matrix4(name, object)?;
+    Ok(if nearest { Pose::nearest(name, &matrix)? } else { Pose::from_matrix(name, &matrix)? })
 }

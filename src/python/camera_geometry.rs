@@ -3,17 +3,18 @@
 use nalgebra::Vector3;
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
-use pyo3::types::PyType;
+use pyo3::types::{PyTuple, PyType};
 
 use super::camera::PyCamera;
 use super::cloud::Projected;
-use super::convert::{Floats, flag, float, float_or_two, floats, rows_to_numpy, size, whole, word};
+use super::convert::{Call, Floats, flag, float, float_or_two, floats, rows_to_numpy, size, whole, word};
 use super::detached;
 use super::each::{WHAT, each_number, each_projected, each_row, numbers};
 use super::error::classes::ArgumentError;
 use super::ground::{given_road, only_ground, plane_of, road};
 use super::ground_points::bev_grid;
 use super::lens::lens as lens_model;
+use super::warnings::checked;
 use crate::buffer;
 use crate::parallel::{self, num_threads};
 use crate::{Binning, Camera, Pinhole, RangeError};
@@ -26,22 +27,28 @@ impl PyCamera {
     #[doc = help!("Camera.from_vanishing_point")]
     #[classmethod]
     #[pyo3(
-        signature = (vanishing_point, *, image_size, focal_length, height, principal_point = None, roll = None, x = None, y = None, lens = None),
+        signature = (vanishing_point, *positional, image_size = None, focal_length = None, height = None, principal_point = None, roll = None, x = None, y = None, lens = None),
         text_signature = "(vanishing_point, *, image_size, focal_length, height, principal_point=None, roll=0.0, x=0.0, y=0.0, lens=None)"
     )]
     #[expect(clippy::too_many_arguments, reason = "keyword-only, each with one meaning")]
     fn from_vanishing_point(
         _cls: &Bound<'_, PyType>,
         vanishing_point: &Bound<'_, PyAny>,
-        image_size: &Bound<'_, PyAny>,
-        focal_length: &Bound<'_, PyAny>,
-        height: &Bound<'_, PyAny>,
+        positional: &Bound<'_, PyTuple>,
+        image_size: Option<&Bound<'_, PyAny>>,
+        focal_length: Option<&Bound<'_, PyAny>>,
+        height: Option<&Bound<'_, PyAny>>,
         principal_point: Option<&Bound<'_, PyAny>>,
         roll: Option<&Bound<'_, PyAny>>,
         x: Option<&Bound<'_, PyAny>>,
         y: Option<&Bound<'_, PyAny>>,
         lens: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
+        const EXAMPLE: &str =
+            "Camera.from_vanishing_point((640, 340), image_size=(1280, 720), focal_length=900, height=1.4)";
+        let call = Call::new("Camera.from_vanishing_point", EXAMPLE, positional)?;
+        let (image_size, height) = (call.needs("image_size", image_size)?, call.needs("height", height)?);
+        let focal_length = call.needs("focal_length", focal_length)?;
         let number = |name, object: Option<&Bound<'_, PyAny>>| object.map_or(Ok(0.0), |object| float(name, object));
         let vanishing_point = floats::<2>("vanishing_point", "(u, v) in pixels", vanishing_point)?;
         let (width, height_px) = size("image_size", image_size)?;
@@ -54,7 +61,8 @@ impl PyCamera {
         let model = Pinhole::new(fx, fy, cx, cy, 0.0)?;
         let (lens, roll) = (lens_model(lens)?, number("roll", roll)?);
         let size = (width, height_px);
-        Ok(Self { camera: Camera::from_vanishing_point(model, lens, size, vanishing_point, position, roll)? })
+        let camera = Camera::from_vanishing_point(model, lens, size, vanishing_point, position, roll)?;
+        Ok(Self { camera: checked(image_size.py(), camera)? })
     }
 
     #[doc = help!("Camera.binned")]

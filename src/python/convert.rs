@@ -261,6 +261,43 @@ pub(super) fn size(name: &str, object: &Bound<'_, PyAny>) -> PyResult<(u32, u32)
     }
 }
 
+/// A call of something whose arguments are named: what it is, and how it is written.
+pub(super) struct Call {
+    function: &'static str,
+    example: &'static str,
+}
+
+impl Call {
+    /// Refuses arguments by position, which Python would count without naming them.
+    pub(super) fn new(
+        function: &'static str,
+        example: &'static str,
+        positional: &Bound<'_, PyTuple>,
+    ) -> PyResult<Self> {
+        if positional.is_empty() {
+            return Ok(Self { function, example });
+        }
+        let count = positional.len();
+        Err(ArgumentTypeError::new_err(format!(
+            "{function}: expected its arguments by name, got {count} by position that must be named; write {example}"
+        )))
+    }
+
+    /// An argument that must be given.
+    pub(super) fn needs<'a, 'py>(
+        &self,
+        name: &str,
+        object: Option<&'a Bound<'py, PyAny>>,
+    ) -> PyResult<&'a Bound<'py, PyAny>> {
+        object.ok_or_else(|| {
+            let Self { function, example } = self;
+            ArgumentTypeError::new_err(format!(
+                "{name}: expected an argument {name}= of {function}, got None; write {example}"
+            ))
+        })
+    }
+}
+
 /// What `__reduce__` returns: a callable and its arguments.
 pub(super) type Reduced<'py> = (Bound<'py, PyAny>, (Bound<'py, PyType>, Bound<'py, PyTuple>, Bound<'py, PyDict>));
 

@@ -13,6 +13,7 @@ pub(super) mod classes {
     import_exception!(ipm_rs.errors, ArgumentError);
     import_exception!(ipm_rs.errors, ArgumentTypeError);
     import_exception!(ipm_rs.errors, CalibrationError);
+    import_exception!(ipm_rs.errors, CalibrationWarning);
     import_exception!(ipm_rs.errors, DtypeError);
     import_exception!(ipm_rs.errors, GridError);
     import_exception!(ipm_rs.errors, ImageError);
@@ -79,6 +80,7 @@ impl From<Error> for PyErr {
         match error {
             Error::NotFinite { .. }
             | Error::Intrinsics { .. }
+            | Error::FocalLength { .. }
             | Error::LensCoefficients { .. }
             | Error::LensParameter { .. }
             | Error::LensFolds { .. }
@@ -102,8 +104,10 @@ impl From<Error> for PyErr {
             | Error::DepthChannels { .. }
             | Error::NegativeDepth { .. }
             | Error::DepthSize { .. }
+            | Error::MaskSize { .. }
             | Error::OutputShape { .. } => classes::ImageError::new_err(message),
-            Error::Ground { .. }
+            Error::Angle { .. }
+            | Error::Ground { .. }
             | Error::Plane { .. }
             | Error::HeightMap { .. }
             | Error::NoData { .. }

@@ -6,7 +6,7 @@ use pyo3::prelude::*;
 
 use super::convert::{Floats, float, matrix_to_numpy, matrix3, matrix4};
 use super::each::each_row;
-use crate::error::finite;
+use crate::error::{finite, radians};
 use crate::geometry::{self, Pose};
 
 #[doc = help!("rotation_from_euler")]
@@ -17,6 +17,9 @@ pub(super) fn rotation_from_euler<'py>(
     yaw: &Bound<'py, PyAny>,
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
     let [r, p, y] = angles(roll, pitch, yaw)?;
+    for (what, angle) in [("roll", r), ("pitch", p), ("yaw", y)] {
+        radians(what, angle)?;
+    }
     matrix_to_numpy(roll.py(), &geometry::rotation_from_euler(r, p, y))
 }
 

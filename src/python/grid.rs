@@ -6,7 +6,7 @@ use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 
-use super::convert::{Floats, Reduced, float_or_two, floats, rebuilt_by_new, word};
+use super::convert::{Call, Floats, Reduced, float_or_two, floats, rebuilt_by_new, word};
 use super::detached;
 use super::each::each_row;
 use super::error::classes::ArgumentError;
@@ -36,15 +36,18 @@ impl Hash for PyBevGrid {
 impl PyBevGrid {
     #[new]
     #[pyo3(
-        signature = (*, x, y, resolution, sample_at = None),
+        signature = (*positional, x = None, y = None, resolution = None, sample_at = None),
         text_signature = "(*, x, y, resolution, sample_at='center')"
     )]
     fn new(
-        x: &Bound<'_, PyAny>,
-        y: &Bound<'_, PyAny>,
-        resolution: &Bound<'_, PyAny>,
+        positional: &Bound<'_, PyTuple>,
+        x: Option<&Bound<'_, PyAny>>,
+        y: Option<&Bound<'_, PyAny>>,
+        resolution: Option<&Bound<'_, PyAny>>,
         sample_at: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
+        let call = Call::new("BevGrid", "BevGrid(x=(6, 40), y=(-8, 8), resolution=0.05)", positional)?;
+        let (x, y, resolution) = (call.needs("x", x)?, call.needs("y", y)?, call.needs("resolution", resolution)?);
         let range =
             |name, object| floats::<2>(name, "a range (min, max) in metres", object).map(|[min, max]| (min, max));
         let [dx, dy] = float_or_two("resolution", "a cell size in metres, or (along x, along y)", resolution)?;

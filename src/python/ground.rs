@@ -8,7 +8,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple, PyType};
 
 use super::arrays;
-use super::convert::{Floats, Reduced, float, float_or_two, floats, rebuilt_by_new, tuple_text, type_name};
+use super::convert::{Call, Floats, Reduced, float, float_or_two, floats, rebuilt_by_new, tuple_text, type_name};
 use super::detached;
 use super::each::each_number;
 use super::error::classes::{ArgumentError, ArgumentTypeError};
@@ -32,8 +32,14 @@ impl Hash for PyPlane {
 #[pymethods]
 impl PyPlane {
     #[new]
-    #[pyo3(signature = (*, normal, point = None), text_signature = "(*, normal, point=(0.0, 0.0, 0.0))")]
-    fn new(normal: &Bound<'_, PyAny>, point: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
+    #[pyo3(signature = (*positional, normal = None, point = None), text_signature = "(*, normal, point=(0.0, 0.0, 0.0))")]
+    fn new(
+        positional: &Bound<'_, PyTuple>,
+        normal: Option<&Bound<'_, PyAny>>,
+        point: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        let call = Call::new("Plane", "Plane(normal=(0, 0, 1), point=(0, 0, -0.3))", positional)?;
+        let normal = call.needs("normal", normal)?;
         let normal = floats("normal", "(x, y, z)", normal)?;
         let point = point.map_or(Ok([0.0; 3]), |object| floats("point", "(x, y, z) in metres", object))?;
         Ok(Self { plane: Plane::new(normal, point)? })
@@ -53,15 +59,17 @@ impl PyPlane {
     #[doc = help!("Plane.from_angles")]
     #[classmethod]
     #[pyo3(
-        signature = (*, slope = None, bank = None, height = None),
+        signature = (*positional, slope = None, bank = None, height = None),
         text_signature = "(*, slope=0.0, bank=0.0, height=0.0)"
     )]
     fn from_angles(
         _cls: &Bound<'_, PyType>,
+        positional: &Bound<'_, PyTuple>,
         slope: Option<&Bound<'_, PyAny>>,
         bank: Option<&Bound<'_, PyAny>>,
         height: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
+        Call::new("Plane.from_angles", "Plane.from_angles(slope=0.02, bank=0.01, height=-0.3)", positional)?;
         let number = |name, object: Option<&Bound<'_, PyAny>>| object.map_or(Ok(0.0), |object| float(name, object));
         let (slope, bank, height) = (number("slope", slope)?, number("bank", bank)?, number("height", height)?);
         Ok(Self { plane: Plane::from_angles(slope, bank, height)? })
@@ -113,8 +121,18 @@ impl Hash for PyHeightMap {
 #[pymethods]
 impl PyHeightMap {
     #[new]
-    #[pyo3(signature = (heights, *, origin, spacing))]
-    fn new(heights: &Bound<'_, PyAny>, origin: &Bound<'_, PyAny>, spacing: &Bound<'_, PyAny>) -> PyResult<Self> {
+    #[pyo3(
+        signature = (heights, *positional, origin = None, spacing = None),
+        text_signature = "(heights, *, origin, spacing)"
+    )]
+    fn new(
+        heights: &Bound<'_, PyAny>,
+        positional: &Bound<'_, PyTuple>,
+        origin: Option<&Bound<'_, PyAny>>,
+        spacing: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        let call = Call::new("HeightMap", "HeightMap(heights, origin=(0, -10), spacing=0.5)", positional)?;
+        let (origin, spacing) = (call.needs("origin", origin)?, call.needs("spacing", spacing)?);
         let origin = floats::<2>("origin", "(x, y) of heights[0, 0] in metres", origin)?;
         let spacing = float_or_two("spacing", "metres between nodes, or (along x, along y)", spacing)?;
         Self::of(&heights_of(heights)?, origin.into(), spacing.into())

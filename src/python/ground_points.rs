@@ -2,10 +2,11 @@
 
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
-use pyo3::types::PyType;
+use pyo3::types::{PyTuple, PyType};
 
 use super::arrays;
-use super::convert::{Floats, matrix_to_numpy, size, tuple_text, type_name};
+use super::camera::PyCamera;
+use super::convert::{Call, Floats, matrix_to_numpy, size, tuple_text, type_name};
 use super::detached;
 use super::error::classes::{ArgumentError, ArgumentTypeError};
 use super::grid::PyBevGrid;
@@ -28,7 +29,14 @@ pub(super) fn homography_from_points<'py>(
 
 #[doc = help!("vanishing_point")]
 #[pyfunction]
-pub(super) fn vanishing_point(lines: &Bound<'_, PyAny>) -> PyResult<(f64, f64)> {
+#[pyo3(signature = (lines, *, camera = None))]
+pub(super) fn vanishing_point(lines: &Bound<'_, PyAny>, camera: Option<&Bound<'_, PyAny>>) -> PyResult<(f64, f64)> {
+    let camera = camera.map(|object| {
+        object.cast::<PyCamera>().map(Bound::get).map_err(|_| {
+            ArgumentTypeError::new_err(format!("camera: expected an ipm_rs.Camera, got {}", type_name(object)))
+        })
+    });
+    let camera = camera.transpose()?;
     let floats = Floats::new("lines", "an (N, 2, 2) array", lines)?;
     if !matches!(floats.shape(), [_, 2, 2]) {
         let got = tuple_text(floats.shape());
@@ -36,7 +44,10 @@ pub(super) fn vanishing_point(lines: &Bound<'_, PyAny>) -> PyResult<(f64, f64)> 
         return Err(ArgumentError::new_err(format!("lines: expected {expected}, got {got}")));
     }
     let lines = floats.values().as_chunks::<2>().0.as_chunks::<2>().0;
-    let [u, v] = geometry::vanishing_point(lines)?;
+    let [u, v] = match camera {
+        None => geometry::vanishing_point(lines)?,
+        Some(camera) => camera.camera.vanishing_point(lines)?,
+    };
     Ok((u, v))
 }
 
@@ -44,17 +55,23 @@ pub(super) fn vanishing_point(lines: &Bound<'_, PyAny>) -> PyResult<(f64, f64)> 
 impl PyLut {
     #[doc = help!("Lut.from_ground_points")]
     #[classmethod]
-    #[pyo3(signature = (image_points, ground_points, grid, *, source_size))]
+    #[pyo3(
+        signature = (image_points, ground_points, grid, *positional, source_size = None),
+        text_signature = "(image_points, ground_points, grid, *, source_size)"
+    )]
     fn from_ground_points(
         _cls: &Bound<'_, PyType>,
         image_points: &Bound<'_, PyAny>,
         ground_points: &Bound<'_, PyAny>,
         grid: &Bound<'_, PyAny>,
-        source_size: &Bound<'_, PyAny>,
+        positional: &Bound<'_, PyTuple>,
+        source_size: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
+        const EXAMPLE: &str = "Lut.from_ground_points(image_points, ground_points, grid, source_size=(1920, 1080))";
+        let call = Call::new("Lut.from_ground_points", EXAMPLE, positional)?;
         let py = grid.py();
         let grid = bev_grid(grid)?;
-        let source_size = size("source_size", source_size)?;
+        let source_size = size("source_size", call.needs("source_size", source_size)?)?;
         let (image, ground) = pairs(image_points, ground_points)?;
         let (image, ground) = (image.rows::<2>("image_points")?, ground.rows::<2>("ground_points")?);
         let lut = detached::run(py, || Lut::from_ground_points(image, ground, &grid.grid, source_size))?;

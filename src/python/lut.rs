@@ -7,7 +7,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyTuple, PyType};
 
 use super::camera::PyCamera;
-use super::convert::{float, matrix3, size, tuple_text, type_name};
+use super::convert::{Call, float, matrix3, size, tuple_text, type_name};
 use super::detached;
 use super::dtype::{Samples, for_blended, for_moved};
 use super::error::classes::{ArgumentTypeError, ImageError};
@@ -18,6 +18,7 @@ use super::layout::Layout;
 use super::maps::{MapPair, map_array};
 use super::options::{self, BorderValue};
 use super::shared;
+use super::warnings::warn;
 use crate::{Bilinear, Error, ImageView, ImageViewMut, Interpolation, Lut, Sample, WarpOptions};
 
 #[doc = help!("Lut")]
@@ -30,28 +31,44 @@ pub(super) struct PyLut {
 #[pymethods]
 impl PyLut {
     #[new]
-    #[pyo3(signature = (camera, grid, *, ground = None), text_signature = "(camera, grid, *, ground=0.0)")]
-    fn new(camera: &Bound<'_, PyAny>, grid: &Bound<'_, PyAny>, ground: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
+    #[pyo3(signature = (camera, grid, *positional, ground = None), text_signature = "(camera, grid, *, ground=0.0)")]
+    fn new(
+        camera: &Bound<'_, PyAny>,
+        grid: &Bound<'_, PyAny>,
+        positional: &Bound<'_, PyTuple>,
+        ground: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        Call::new("Lut", "Lut(camera, grid, ground=-0.3)", positional)?;
         let wrong = |name: &str, expected: &str, got: &Bound<'_, PyAny>| {
             ArgumentTypeError::new_err(format!("{name}: expected an ipm_rs.{expected}, got {}", type_name(got)))
         };
         let camera_ref = camera.cast::<PyCamera>().map_err(|_| wrong("camera", "Camera", camera))?.get();
         let grid_ref = grid.cast::<PyBevGrid>().map_err(|_| wrong("grid", "BevGrid", grid))?.get();
         let ground = road(ground)?;
-        let lut = detached::run(camera.py(), || Lut::new(&camera_ref.camera, &grid_ref.grid, &ground))?;
+        let (lut, findings) = detached::run(camera.py(), || {
+            let lut = Lut::new(&camera_ref.camera, &grid_ref.grid, &ground)?;
+            let findings = lut.plausibility(&camera_ref.camera, &grid_ref.grid, &ground);
+            Ok::<_, Error>((lut, findings))
+        })?;
+        warn(camera.py(), &findings)?;
         Ok(Self { lut })
     }
 
     #[doc = help!("Lut.from_maps")]
     #[classmethod]
-    #[pyo3(signature = (map_x, map_y, *, source_size))]
+    #[pyo3(
+        signature = (map_x, map_y, *positional, source_size = None),
+        text_signature = "(map_x, map_y, *, source_size)"
+    )]
     fn from_maps(
         _cls: &Bound<'_, PyType>,
         map_x: &Bound<'_, PyAny>,
         map_y: &Bound<'_, PyAny>,
-        source_size: &Bound<'_, PyAny>,
+        positional: &Bound<'_, PyTuple>,
+        source_size: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
-        let source_size = size("source_size", source_size)?;
+        let call = Call::new("Lut.from_maps", "Lut.from_maps(map_x, map_y, source_size=(1920, 1080))", positional)?;
+        let source_size = size("source_size", call.needs("source_size", source_size)?)?;
         let (map_x, map_y) = (map_array("map_x", map_x)?, map_array("map_y", map_y)?);
         let py = map_x.py();
         let maps = MapPair::new(&map_x, &map_y)?;
@@ -71,18 +88,24 @@ impl PyLut {
 
     #[doc = help!("Lut.from_homography")]
     #[classmethod]
-    #[pyo3(signature = (M, *, size, source_size))]
+    #[pyo3(
+        signature = (M, *positional, size = None, source_size = None),
+        text_signature = "(M, *, size, source_size)"
+    )]
     #[expect(non_snake_case, reason = "the field's name for a homography")]
     fn from_homography(
         _cls: &Bound<'_, PyType>,
         M: &Bound<'_, PyAny>,
-        size: &Bound<'_, PyAny>,
-        source_size: &Bound<'_, PyAny>,
+        positional: &Bound<'_, PyTuple>,
+        size: Option<&Bound<'_, PyAny>>,
+        source_size: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
+        const EXAMPLE: &str = "Lut.from_homography(M, size=(800, 600), source_size=(1920, 1080))";
+        let call = Call::new("Lut.from_homography", EXAMPLE, positional)?;
         let py = M.py();
         let matrix: Matrix3<f64> = matrix3("M", M)?;
-        let size = super::convert::size("size", size)?;
-        let source_size = super::convert::size("source_size", source_size)?;
+        let size = super::convert::size("size", call.needs("size", size)?)?;
+        let source_size = super::convert::size("source_size", call.needs("source_size", source_size)?)?;
         Ok(Self { lut: detached::run(py, || Lut::from_homography(&matrix, size, source_size))? })
     }
 

@@ -48,6 +48,7 @@ mod points;
 mod raster;
 mod shapes;
 mod shared;
+mod warnings;
 
 use pyo3::exceptions::PyRuntimeWarning;
 use pyo3::prelude::*;

@@ -65,8 +65,8 @@ def test_sections_may_differ_in_layout():
 
 
 def test_image_size_is_an_argument():
-    assert ipm_rs.Camera.from_cityscapes(FLAT, image_size=(1024, 512)).image_size == (1024, 512)
-    assert cityscapes.read(FLAT, image_size=(1024, 512)).image_size == (1024, 512)
+    assert ipm_rs.Camera.from_cityscapes(FLAT, image_size=(2040, 1016)).image_size == (2040, 1016)
+    assert cityscapes.read(FLAT, image_size=(2040, 1016)).image_size == (2040, 1016)
 
 
 def test_other_keys_and_other_mappings_are_fine():

@@ -194,6 +194,8 @@ def test_path_of_another_type(path):
 
 WORDS = [*rb"nan inf 1e999 1e308 1e-320 -1 0 1_0 x ] &a".split(), b"\n", b"\x00", b"\xff", b": ", b"&a *a"]
 TOKENS = [b"nan", b"-", b"1e999", b"0", b"\n", b"[", b"{", b'"']
+# changed numbers make odd cameras
+odd_cameras = pytest.mark.filterwarnings("ignore::ipm_rs.CalibrationWarning")
 fuzzed = settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 
 
@@ -211,6 +213,7 @@ def harmless(sample: Sample, files: dict[str, bytes], directory) -> None:
 
 
 @each_sample
+@odd_cameras
 @pytest.mark.parametrize("share", [0.0, 0.1, 0.3, 0.5, 0.7, 0.9, 0.97])
 def test_cut_short(sample, share, tmp_path):
     for name, data in sample.files.items():
@@ -218,6 +221,7 @@ def test_cut_short(sample, share, tmp_path):
 
 
 @each_sample
+@odd_cameras
 @fuzzed
 @given(data=st.data())
 def test_any_bytes_changed(sample, data, tmp_path):
@@ -231,6 +235,7 @@ def test_any_bytes_changed(sample, data, tmp_path):
 
 
 @each_sample
+@odd_cameras
 @fuzzed
 @given(data=st.data())
 def test_any_word_changed(sample, data, tmp_path):
@@ -279,6 +284,7 @@ def changed(content, path, value, action):
 
 
 @each_sample
+@odd_cameras
 @fuzzed
 @given(data=st.data())
 def test_any_json_value_changed(sample, data, tmp_path):
@@ -301,6 +307,7 @@ objects = st.one_of(
 
 
 @each_sample
+@odd_cameras
 @fuzzed
 @given(data=st.data())
 def test_any_value_of_a_mapping_changed(sample, data):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+
 import cv2
 import golden
 import numpy as np
@@ -21,7 +23,7 @@ def number(low: float, high: float):
 
 @st.composite
 def cameras(draw) -> ipm_rs.Camera:
-    """Any plausible camera on a vehicle, looking anywhere."""
+    """Any camera on a vehicle, looking anywhere, as odd as a crop or a stretched picture may be."""
     width, height = draw(st.integers(1, 4096)), draw(st.integers(1, 3000))
     K = np.array(
         [
@@ -30,14 +32,16 @@ def cameras(draw) -> ipm_rs.Camera:
             [0.0, 0.0, 1.0],
         ]
     )
-    return ipm_rs.Camera.from_euler(
-        K,
-        image_size=(width, height),
-        position=(draw(number(-5, 5)), draw(number(-5, 5)), draw(number(0.2, 5))),
-        roll=draw(number(-3.1, 3.1)),
-        pitch=draw(number(-1.5, 1.5)),
-        yaw=draw(number(-3.1, 3.1)),
-    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ipm_rs.CalibrationWarning)
+        return ipm_rs.Camera.from_euler(
+            K,
+            image_size=(width, height),
+            position=(draw(number(-5, 5)), draw(number(-5, 5)), draw(number(0.2, 5))),
+            roll=draw(number(-3.1, 3.1)),
+            pitch=draw(number(-1.5, 1.5)),
+            yaw=draw(number(-3.1, 3.1)),
+        )
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -45,7 +49,7 @@ def cameras(draw) -> ipm_rs.Camera:
 
 
 def test_without_a_pose_it_stands_at_the_origin_and_looks_ahead():
-    camera = ipm_rs.Camera(golden.K, image_size=(640, 480))
+    camera = ipm_rs.Camera(golden.K, image_size=golden.IMAGE_SIZE)
     expected = np.eye(4)
     expected[:3, :3] = FLU_TO_OPTICAL
     np.testing.assert_array_equal(camera.camera_from_vehicle, expected)
@@ -56,7 +60,7 @@ def test_without_a_pose_it_stands_at_the_origin_and_looks_ahead():
 
 
 def test_from_euler_defaults_to_a_level_camera_at_its_position():
-    camera = ipm_rs.Camera.from_euler(golden.K, image_size=(640, 480), position=(1.0, 2.0, 3.0))
+    camera = ipm_rs.Camera.from_euler(golden.K, image_size=golden.IMAGE_SIZE, position=(1.0, 2.0, 3.0))
     np.testing.assert_allclose(camera.camera_from_vehicle[:3, :3], FLU_TO_OPTICAL, rtol=0, atol=1e-15)
     np.testing.assert_allclose(camera.position, (1, 2, 3), rtol=0, atol=1e-15)
 
@@ -89,7 +93,7 @@ def test_arrays_handed_out_are_copies(seed_camera):
 
 def test_arrays_taken_in_are_copies():
     K, pose = golden.K.copy(), golden.RT.copy()
-    camera = ipm_rs.Camera(K, image_size=(640, 480), camera_from_vehicle=pose)
+    camera = ipm_rs.Camera(K, image_size=golden.IMAGE_SIZE, camera_from_vehicle=pose)
     K[:], pose[:] = 0, 0
     np.testing.assert_array_equal(camera.intrinsics, golden.K)
     np.testing.assert_array_equal(camera.camera_from_vehicle, golden.RT)
@@ -101,16 +105,17 @@ def test_pose_is_kept_as_given_bit_for_bit():
     pose[:3, :3] += np.array([[3e-5, -2e-5, 1e-5], [1e-5, 4e-5, -2e-5], [0, 1e-5, -3e-5]])
     deviation = np.abs(pose[:3, :3].T @ pose[:3, :3] - np.eye(3)).max()
     assert 1e-5 < deviation < 1e-4
-    camera = ipm_rs.Camera(golden.K, image_size=(640, 480), camera_from_vehicle=pose)
+    camera = ipm_rs.Camera(golden.K, image_size=golden.IMAGE_SIZE, camera_from_vehicle=pose)
     assert camera.camera_from_vehicle.tobytes() == pose.tobytes()
     assert (
-        ipm_rs.Camera(golden.K, image_size=(640, 480)).with_pose(pose).camera_from_vehicle.tobytes() == pose.tobytes()
+        ipm_rs.Camera(golden.K, image_size=golden.IMAGE_SIZE).with_pose(pose).camera_from_vehicle.tobytes()
+        == pose.tobytes()
     )
 
 
 def test_the_other_direction_is_the_inverse():
     vehicle_from_camera = np.linalg.inv(golden.RT)
-    camera = ipm_rs.Camera(golden.K, image_size=(640, 480), vehicle_from_camera=vehicle_from_camera)
+    camera = ipm_rs.Camera(golden.K, image_size=golden.IMAGE_SIZE, vehicle_from_camera=vehicle_from_camera)
     np.testing.assert_allclose(camera.camera_from_vehicle, golden.RT, rtol=0, atol=1e-12)
     np.testing.assert_allclose(camera.vehicle_from_camera, vehicle_from_camera, rtol=0, atol=1e-12)
     np.testing.assert_allclose(camera.position, golden.POSITION, rtol=0, atol=1e-12)
@@ -126,7 +131,7 @@ def test_direction_matters():
 def test_matrices_in_any_memory_order(order, dtype):
     K = np.asarray(golden.K, order=order, dtype=dtype)
     pose = np.asarray(golden.ORDER_RT, order=order, dtype=dtype)
-    camera = ipm_rs.Camera(K, image_size=(640, 480), camera_from_vehicle=pose)
+    camera = ipm_rs.Camera(K, image_size=golden.IMAGE_SIZE, camera_from_vehicle=pose)
     np.testing.assert_array_equal(camera.intrinsics, K.astype(np.float64))
     np.testing.assert_array_equal(camera.camera_from_vehicle, pose.astype(np.float64))
 

@@ -489,6 +489,7 @@ def test_wrong_commands(here: Path, capsys: pytest.CaptureFixture[str], command:
         assert captured.err.rstrip().endswith("--help")
 
 
+@pytest.mark.filterwarnings("default::ipm_rs.CalibrationWarning")
 def test_nothing_seen_is_a_warning_with_its_reason(
     warp: Callable[..., int], capsys: pytest.CaptureFixture[str]
 ) -> None:

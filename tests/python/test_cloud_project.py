@@ -248,6 +248,6 @@ def test_render_refuses():
     for name, bad in (("min_depth", -1), ("max_depth", 0), ("threads", 0)):
         with refuses(errors.ArgumentError, name):
             ipm_rs.render_points(points, CAMERA, **{name: bad})
-    huge = ipm_rs.Camera(K, image_size=(40_000, 40_000))
+    huge = CAMERA.resized(40_000, 40_000)
     with refuses(errors.ArgumentError, "camera", "268435456", "resized"):
         ipm_rs.render_points(points, huge)

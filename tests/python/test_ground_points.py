@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 
 import cv2
 import golden
@@ -176,6 +177,58 @@ def test_lines_that_are_refused(lines, error, named):
         ipm_rs.vanishing_point(lines)
 
 
+@pytest.mark.parametrize(
+    "lens",
+    [
+        None,
+        ipm_rs.KannalaBrandt([0.05, -0.012, 0.002, -0.0004]),
+        ipm_rs.BrownConrady([-0.28, 0.07, 5e-4, -3e-4, 0.0]),
+        ipm_rs.DoubleSphere(-0.2, 0.58),
+    ],
+    ids=repr,
+)
+def test_lines_of_a_raw_picture_meet_through_its_lens(lens):
+    K, size = [[405.0, 0, 652.0], [0, 402.0, 468.0], [0, 0, 1]], (1300, 940)
+    pose = {"position": (0.4, 0.1, 1.45), "pitch": 0.25, "yaw": -0.12}
+    camera = ipm_rs.Camera.from_euler(K, image_size=size, lens=lens, **pose)
+    lines = np.array([camera.project([[2.5, y, 0], [16.0, y, 0]])[0] for y in (-2.1, 1.4, 3.0, 0.1)])
+    expected = camera.project([[1e12, 0, 0]])[0][0]
+    for clicked in (lines[:2], lines):
+        elsewhere = camera.with_pose(np.eye(4))  # the pose does not matter
+        np.testing.assert_allclose(ipm_rs.vanishing_point(clicked, camera=elsewhere), expected, rtol=0, atol=1e-6)
+    if lens is None:
+        np.testing.assert_allclose(ipm_rs.vanishing_point(lines), expected, rtol=0, atol=1e-6)
+    else:
+        assert np.hypot(*(np.array(ipm_rs.vanishing_point(lines[:2])) - expected)) > 2, "straight lines miss it"
+    found = ipm_rs.Camera.from_vanishing_point(
+        ipm_rs.vanishing_point(lines, camera=camera),
+        image_size=size,
+        focal_length=(405.0, 402.0),
+        principal_point=(652.0, 468.0),
+        height=1.45,
+        x=0.4,
+        y=0.1,
+        lens=lens,
+    )
+    np.testing.assert_allclose(found.camera_from_vehicle, camera.camera_from_vehicle, rtol=0, atol=1e-8)
+
+
+def test_lines_through_a_camera_that_are_refused():
+    lens = ipm_rs.KannalaBrandt([0.05, -0.012, 0.002, -0.0004], max_angle=1.2)
+    camera = ipm_rs.Camera([[405.0, 0, 652.0], [0, 402.0, 468.0], [0, 0, 1]], image_size=(1300, 940), lens=lens)
+    line = [[300.0, 800.0], [500.0, 500.0]]
+    with refuses(errors.ArgumentTypeError, "camera", "ipm_rs.Camera", "KannalaBrandt"):
+        ipm_rs.vanishing_point([line, line], camera=lens)
+    with refuses(errors.ArgumentError, "at least two"):
+        ipm_rs.vanishing_point([line], camera=camera)
+    with refuses(errors.ArgumentError, "one and the same"):
+        ipm_rs.vanishing_point([line, line], camera=camera)
+    with refuses(errors.ArgumentError, "one place"):
+        ipm_rs.vanishing_point([line, [line[0], line[0]]], camera=camera)
+    with refuses(errors.ArgumentError, "lens", "of line 1"):
+        ipm_rs.vanishing_point([line, [[-4000.0, 0.0], [9.0, 9.0]]], camera=camera)
+
+
 @given(cameras())
 def test_the_camera_of_its_own_vanishing_point(camera):
     """Every camera that looks ahead of the vehicle's side is found again from where +x is seen."""
@@ -185,16 +238,18 @@ def test_the_camera_of_its_own_vanishing_point(camera):
     K = camera.intrinsics
     attitude = camera.vehicle_from_camera[:3, :3] @ np.array([[0, -1, 0], [0, 0, -1], [1, 0, 0]])
     roll = math.atan2(attitude[2, 1], attitude[2, 2])
-    found = ipm_rs.Camera.from_vanishing_point(
-        uv[0],
-        image_size=camera.image_size,
-        focal_length=np.diag(K)[:2],
-        principal_point=K[:2, 2],
-        height=camera.position[2],
-        x=camera.position[0],
-        y=camera.position[1],
-        roll=roll,
-    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ipm_rs.CalibrationWarning)
+        found = ipm_rs.Camera.from_vanishing_point(
+            uv[0],
+            image_size=camera.image_size,
+            focal_length=np.diag(K)[:2],
+            principal_point=K[:2, 2],
+            height=camera.position[2],
+            x=camera.position[0],
+            y=camera.position[1],
+            roll=roll,
+        )
     np.testing.assert_allclose(found.camera_from_vehicle, camera.camera_from_vehicle, rtol=0, atol=1e-5)
     np.testing.assert_array_equal(found.intrinsics, K)
 

@@ -159,7 +159,8 @@ def test_sixty_metres_round_the_car_paint_nothing_behind_the_camera(seed_camera,
 
 def test_a_camera_that_looks_away_sees_nothing(seed_camera):
     backwards = seed_camera.with_pose(golden.RT @ np.diag([-1.0, -1.0, 1.0, 1.0]))
-    lut = ipm_rs.Lut(backwards, ipm_rs.BevGrid(x=(7, 50), y=(-10, 10), resolution=0.5))
+    with pytest.warns(ipm_rs.CalibrationWarning, match="behind it"):
+        lut = ipm_rs.Lut(backwards, ipm_rs.BevGrid(x=(7, 50), y=(-10, 10), resolution=0.5))
     assert not lut.mask.any()
     bev = lut.warp(np.full((1024, 2048, 3), 255, np.uint8), border_value=(1, 2, 3))
     assert (bev == (1, 2, 3)).all()

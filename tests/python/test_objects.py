@@ -17,7 +17,7 @@ PROTOCOLS = range(pickle.HIGHEST_PROTOCOL + 1)
 
 
 def camera(**changes) -> ipm_rs.Camera:
-    arguments = {"image_size": (64, 48), "camera_from_vehicle": golden.ORDER_RT, **changes}
+    arguments = {"image_size": golden.IMAGE_SIZE, "camera_from_vehicle": golden.ORDER_RT, **changes}
     return ipm_rs.Camera(arguments.pop("K", golden.K), **arguments)
 
 
@@ -49,7 +49,7 @@ def nudged_map() -> np.ndarray:
 
 OTHERS = {
     "camera: intrinsics": (camera, {"K": golden.K + np.diag([1e-12 * golden.FX, 0, 0])}),
-    "camera: size": (camera, {"image_size": (64, 49)}),
+    "camera: size": (camera, {"image_size": (2048, 1025)}),
     "camera: pose": (camera, {"camera_from_vehicle": moved(1e-12)}),
     "grid: x": (grid, {"x": (7.5, 12)}),
     "grid: y": (grid, {"y": (-2, 2.25)}),
@@ -151,7 +151,7 @@ def test_a_pickled_camera_is_the_same_bit_for_bit():
 
 
 def test_a_camera_given_the_other_way_round_survives_too():
-    one = ipm_rs.Camera(golden.K, image_size=(64, 48), vehicle_from_camera=np.linalg.inv(golden.ORDER_RT))
+    one = ipm_rs.Camera(golden.K, image_size=golden.IMAGE_SIZE, vehicle_from_camera=np.linalg.inv(golden.ORDER_RT))
     other = pickle.loads(pickle.dumps(one))
     assert other == one
     assert same(other.camera_from_vehicle, one.camera_from_vehicle)

@@ -7,7 +7,6 @@ import struct
 import subprocess
 import sys
 
-import numpy as np
 import pytest
 from calibration_samples import SAMPLES
 from foreign_calibrations import FOREIGN
@@ -77,7 +76,7 @@ def test_swapped_on_the_command_line(tmp_path):
     image = pytest.importorskip("PIL.Image")
     picture, camera = tmp_path / "front.png", tmp_path / "camera.json"
     image.new("RGB", (64, 48)).save(picture)
-    ipm_rs.Camera(np.diag([60.0, 60, 1]), image_size=(64, 48)).save(camera)
+    ipm_rs.Camera([[60.0, 0, 31.5], [0, 60, 23.5], [0, 0, 1]], image_size=(64, 48)).save(camera)
     command = [sys.executable, "-m", "ipm_rs", "warp", str(picture), str(camera), "-o", str(tmp_path / "bev.png")]
     done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
     assert done.returncode == 2 and "swap" in done.stderr and len(done.stderr.splitlines()) == 1

@@ -136,9 +136,15 @@ def read(
             )
         offset = rigid(np.eye(3), np.asarray(np.linalg.solve(K, P[:, 3]), dtype=np.float64))
         pose = metric(offset, metres_per_unit, section.where("P")) @ rigid(section.rotation("R"), np.zeros(3)) @ pose
-    K, size = _published(section, K, full, ros_binning)
-    same_size(image_size, size, section.origin)
-    return build(section.where("K" if image == "raw" else "P"), K, image_size=size, camera_from_vehicle=pose, lens=lens)
+    region, blocks = _published(section, full)
+    same_size(image_size, (region[2] // blocks[0], region[3] // blocks[1]), section.origin)
+    # as the matrices are written, of the full image: what is derived from it may rightly be off its middle
+    camera = build(
+        section.where("K" if image == "raw" else "P"), K, image_size=full, camera_from_vehicle=pose, lens=lens
+    )
+    if region != (0, 0, *full):
+        camera = camera.cropped(*region)
+    return camera if blocks == (1, 1) else camera.binned(*blocks, rule="first_pixel" if ros_binning else "area")
 
 
 def _calibrated(section: Section, key: str, K: Matrix) -> Matrix:
@@ -174,30 +180,26 @@ def _lens(section: Section) -> BrownConrady | KannalaBrandt | None:
     return BrownConrady(terms) if terms.any() else None
 
 
-def _published(section: Section, K: Matrix, full: tuple[int, int], ros_binning: bool) -> tuple[Matrix, tuple[int, int]]:
-    """K and size of the image that is published: the region of interest, then binning."""
-    K = K.copy()
-    width, height = full
+def _published(section: Section, full: tuple[int, int]) -> tuple[tuple[int, int, int, int], tuple[int, int]]:
+    """Return what of the image is published: the region (x, y, width, height), then the blocks of its binning."""
+    region = (0, 0, *full)
     if section.content.get("roi") is not None:
         roi = section.section("roi")
         x, y, w, h = (roi.whole(key) if key in roi else 0 for key in ("x_offset", "y_offset", "width", "height"))
         if w or h:  # all zero means the whole image
-            if not (w and h) or x + w > width or y + h > height:
+            if not (w and h) or x + w > full[0] or y + h > full[1]:
                 raise CalibrationError(
-                    f"{section.where('roi')}: expected a region inside of {width}x{height}, got {w}x{h} at ({x}, {y}); "
-                    "correct it, or set all four to 0 for the whole image"
+                    f"{section.where('roi')}: expected a region inside of {full[0]}x{full[1]}, got {w}x{h} at "
+                    f"({x}, {y}); correct it, or set all four to 0 for the whole image"
                 )
-            width, height = w, h
-            K[:2, 2] -= x, y
-    for axis, key in enumerate(("binning_x", "binning_y")):
-        b = section.whole(key) if section.content.get(key) is not None else 1
-        if b > 1:  # 0 and 1 both mean none
-            K[axis, :2] /= b
-            K[axis, 2] = K[axis, 2] / b if ros_binning else (K[axis, 2] + 0.5) / b - 0.5
-            width, height = (width // b, height) if axis == 0 else (width, height // b)
+            region = (x, y, w, h)
+    keys = ("binning_x", "binning_y")
+    # 0 and 1 both mean none
+    bx, by = (max(section.whole(key), 1) if section.content.get(key) is not None else 1 for key in keys)
+    width, height = region[2] // bx, region[3] // by
     if not (width and height):
         raise CalibrationError(
             f"{section.where('binning_x')}: expected an image left after binning, got {width}x{height}; "
             "correct the binning"
         )
-    return K, (width, height)
+    return region, (bx, by)

@@ -13,13 +13,15 @@ from __future__ import annotations
 import argparse
 import contextlib
 import sys
-from collections.abc import Sequence
+import warnings
+from collections.abc import Iterator, Sequence
+from typing import Any
 
 import ipm_rs
 from ipm_rs.cli import cloud, demo, info, signals, warp
 from ipm_rs.cli.arguments import Parser
 from ipm_rs.cli.printing import discard, emit, emit_error
-from ipm_rs.errors import ArgumentError, IpmError
+from ipm_rs.errors import ArgumentError, CalibrationWarning, IpmError
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -36,7 +38,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         The exit status.
     """
     try:
-        with signals.raising():
+        with signals.raising(), _warnings_in_a_line():
             if any("\0" in word for word in argv or ()):  # no shell passes one on
                 raise ArgumentError("expected arguments without null bytes, got one; leave it out")
             args = _parser().parse_args(argv)
@@ -50,7 +52,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     except signals.Terminated as stop:
         emit("ipm-rs: terminated", sys.stderr)
         return 128 + stop.number
-    except IpmError as error:
+    except (IpmError, CalibrationWarning) as error:  # a warning that the caller's filters made an error
         emit_error(error)
         return 2
     except BrokenPipeError:  # argparse of Python 3.10 prints without a guard; our own printing is in emit
@@ -66,6 +68,22 @@ def main(argv: Sequence[str] | None = None) -> int:
     finally:
         with contextlib.suppress(ValueError):  # a closed stream
             emit("", sys.stdout, end="")
+
+
+@contextlib.contextmanager
+def _warnings_in_a_line() -> Iterator[None]:
+    """Print what is odd about a calibration as a line of our own, without the place in the code that Python shows."""
+    with warnings.catch_warnings():
+        shown = warnings.showwarning
+
+        def show(message: Warning | str, category: type[Warning], *where: Any, **more: Any) -> None:
+            if issubclass(category, CalibrationWarning):
+                emit(f"ipm-rs: warning: {message}", sys.stderr)
+            else:
+                shown(message, category, *where, **more)
+
+        warnings.showwarning = show
+        yield
 
 
 def _parser() -> argparse.ArgumentParser:

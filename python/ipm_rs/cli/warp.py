@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import math
 import os
 import sys
 import textwrap
@@ -126,14 +125,6 @@ def run(args: argparse.Namespace) -> None:
 
     lut = ipm_rs.Lut(camera, grid, ground=args.ground)
     mask = lut.mask
-    if camera.position[2] <= args.ground:
-        emit(
-            f"ipm-rs: warning: the camera, {camera.position[2]:g} m high, is not above the road at {args.ground:g} m; "
-            "check --ground and the calibration",
-            sys.stderr,
-        )
-    elif not mask.any():
-        emit(f"ipm-rs: warning: {_why_blind(camera, grid, args.ground)}", sys.stderr)
     with progress(list(zip(headers, outputs, strict=True))) as (jobs, say):
         for header, output in jobs:
             try:
@@ -227,18 +218,3 @@ def _rehearse(headers: list[imagefile.Header], options: dict[str, Any]) -> None:
             one.warp(header.blank(), **options)
         except IpmError as error:
             raise type(error)(f"{header.path} (mode {header.mode}): {error}") from error
-
-
-def _why_blind(camera: ipm_rs.Camera, grid: ipm_rs.BevGrid, ground: float) -> str:
-    """Say why no cell of the grid is seen, as far as the geometry tells."""
-    x, y, z = camera.position
-    forward, left, up = camera.vehicle_from_camera[:3, 2]
-    heading, climb = math.degrees(math.atan2(left, forward)), math.degrees(math.atan2(up, math.hypot(forward, left)))
-    corners = np.array([(corner_x, corner_y) for corner_x in grid.x for corner_y in grid.y])
-    _, depth, _ = camera.project(corners, ground=ground)
-    reason = "the grid is outside its image" if (depth > 0).any() else "the whole grid is behind it"
-    return (
-        f"no cell of the grid is seen by the camera: camera at ({x:.2f}, {y:.2f}, {z:.2f}) m, looks "
-        f"{abs(heading):.1f} degrees to the {'left' if heading >= 0 else 'right'} of +x and {abs(climb):.1f} degrees "
-        f"{'up' if climb > 0 else 'down'}; {reason}; check --x, --y, --ground and the calibration"
-    )

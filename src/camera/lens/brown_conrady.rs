@@ -217,6 +217,18 @@ impl BrownConrady {
         )
     }
 
+    /// How far the image of (x, y, 1) moves by rounding of it and of the quotient: before a pole the quotient is of small
+    /// differences, and both grow as the Jacobian does.
+    pub(super) fn rounding(&self, x: f64, y: f64) -> f64 {
+        /// Units in the last place: what a direction loses when it is made a unit vector and divided by its z again.
+        const ULPS: f64 = 32.0;
+        if self.terms < 8 {
+            return 0.0; // a polynomial has no pole
+        }
+        let stretch = self.jacobian(x, y).norm() * (x.hypot(y) + 1.0);
+        if stretch.is_finite() { ULPS * f64::EPSILON * stretch } else { 0.0 }
+    }
+
     /// The ray (x, y, 1) that is seen at m, or a guess that must be checked.
     pub(super) fn unbend(&self, m: [f64; 2]) -> Option<[f64; 2]> {
         if self.c == [0.0; 14] {
@@ -234,24 +246,36 @@ impl BrownConrady {
         }
         // the radial part alone, which is solved for sure
         let end = self.end.sqrt().min(WIDEST);
-        let r = polynomial::root_of_increasing(end, length, |r| {
-            let (l, slope) = self.radial(r * r);
-            (r * l - length, l + 2.0 * r * r * slope)
-        });
-        let mut p = target * (r / length);
+        let radial_alone = |target: Vector2<f64>| {
+            let length = target.norm();
+            let r = polynomial::root_of_increasing(end, length, |r| {
+                let (l, slope) = self.radial(r * r);
+                (r * l - length, l + 2.0 * r * r * slope)
+            });
+            if length > 0.0 { target * (r / length) } else { target }
+        };
+        let mut p = radial_alone(target);
         let [_, _, p1, p2, _, _, _, _, prism @ ..] = self.c;
         if p1 == 0.0 && p2 == 0.0 && prism[..4] == [0.0; 4] {
             return Some(p.into());
         }
-        // then all of it: Newton, with shorter steps where one leads away or out
-        let error = |p: &Vector2<f64>| {
-            let (l, _) = self.radial(p.norm_squared());
-            let [_, _, p1, p2, _, _, _, _, s1, s2, s3, s4, ..] = self.c;
-            let (x, y, s) = (p.x, p.y, p.norm_squared());
-            let along = l + 2.0 * (p1 * y + p2 * x);
-            let seen = Vector2::new(x * along + p2 * s + s * (s1 + s2 * s), y * along + p1 * s + s * (s3 + s4 * s));
-            seen - target
+        let [s1, s2, s3, s4, ..] = prism;
+        // what is not radial
+        let beside = |p: &Vector2<f64>| {
+            let (s, across) = (p.norm_squared(), 2.0 * (p1 * p.y + p2 * p.x));
+            Vector2::new(p.x * across + p2 * s + s * (s1 + s2 * s), p.y * across + p1 * s + s * (s3 + s4 * s))
         };
+        let error = |p: &Vector2<f64>| p * self.radial(p.norm_squared()).0 + beside(p) - target;
+        // Before a pole the radial part grows without bound and the rest hardly at all, so that taking the rest off the
+        // target and solving again gets there, where Newton's straight steps would lead through the pole
+        for _ in 0..20 {
+            let next = radial_alone(target - beside(&p));
+            if error(&next).norm() >= 0.5 * error(&p).norm() {
+                break;
+            }
+            p = next;
+        }
+        // then all of it: Newton, with shorter steps where one leads away or out
         let edge = end * (1.0 + 1e-9); // so that what lies on the edge is reached and not slid along to
         let inside = |p: Vector2<f64>| if p.norm() > edge { p * (edge / p.norm()) } else { p };
         p = inside(p);

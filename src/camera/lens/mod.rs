@@ -149,7 +149,7 @@ impl Lens {
         }
         let found = each_model!(self, model => model.undistort(m))?.normalize();
         let size = 1.0 + m[0].hypot(m[1]) / self.unit();
-        let tolerance = TOLERANCE * size * size.min(FARTHEST) * self.unit();
+        let tolerance = TOLERANCE * size * size.min(FARTHEST) * self.unit() + self.rounding(&found);
         // at the edge of the domain, where the image stands still, rounding leaves it by 1e-8 and more
         [0.0, 1e-15, 1e-12, 1e-10, 1e-8].into_iter().find_map(|pull| {
             let ray = if pull == 0.0 { found } else { towards_axis(&found, self.max_angle(), pull) };
@@ -160,8 +160,17 @@ impl Lens {
         })
     }
 
+    /// How far rounding of a direction can move its image, for a lens whose image stretches without bound: before a
+    /// pole of its quotient that is far more than its size says.
+    fn rounding(&self, ray: &Vector3<f64>) -> f64 {
+        match self {
+            Self::BrownConrady(lens) => lens.rounding(ray.x / ray.z, ray.y / ray.z),
+            _ => 0.0,
+        }
+    }
+
     /// What a radian on the axis is on the lens's plane: 1, or pixels.
-    fn unit(&self) -> f64 {
+    pub(super) fn unit(&self) -> f64 {
         match self {
             Self::RadialPolynomial(lens) => lens.coefficients()[0],
             Self::Ocam(lens) => lens.polynomial()[0].abs(),
@@ -273,7 +282,7 @@ fn limit(lens: &'static str, max_angle: Option<f64>) -> Result<f64> {
     /// The direction straight behind has no azimuth.
     const BEHIND: f64 = std::f64::consts::PI - 1e-9;
     let Some(angle) = max_angle else { return Ok(BEHIND) };
-    let expected = "an angle from the axis in radians, above 0 and up to pi";
+    let expected = "an angle from the axis in radians, above 0 and up to pi (np.radians of degrees)";
     let holds = angle > 0.0 && angle <= std::f64::consts::PI;
     parameter(lens, "max_angle", expected, angle, holds).map(|angle| angle.min(BEHIND))
 }
