@@ -10,6 +10,9 @@ const WHAT: &str = "polyline";
 /// A pixel.
 pub(super) type Pixel = [f64; 2];
 
+/// Where on a curve, from 0 to 1, and its image, if it has one.
+type Point = (f64, Option<Pixel>);
+
 /// Halvings after which a curve is taken for a point: 2^-44 of its way.
 const DEEPEST: u32 = 44;
 
@@ -64,7 +67,7 @@ impl Tracer {
             let t = if part == parts { 1.0 } else { part as f64 / parts as f64 };
             let end = (t, image(t));
             check_interrupt()?;
-            self.part(start, end, DEEPEST, image)?;
+            self.part(start, end, image)?;
             start = end;
         }
         Ok(())
@@ -93,33 +96,36 @@ impl Tracer {
     }
 
     /// Gathers a part of a curve, if that takes no more halvings than are left.
-    fn part(
-        &mut self,
-        start: (f64, Option<Pixel>),
-        end: (f64, Option<Pixel>),
-        depth: u32,
-        image: &impl Fn(f64) -> Option<Pixel>,
-    ) -> Result<()> {
-        let at = |part: f64| start.0 + (end.0 - start.0) * part;
-        let between = [0.25, 0.5, 0.75].map(|part| image(at(part)));
-        if let (Some(a), Some(b), [Some(p), Some(q), Some(r)]) = (start.1, end.1, between) {
-            if self.misses([a, p, q, r, b]) {
+    ///
+    /// The halves that wait stand in a list: as a recursion, [`DEEPEST`] calls deep, they did not fit a thread's stack of
+    /// 32 KiB.
+    fn part(&mut self, start: Point, end: Point, image: &impl Fn(f64) -> Option<Pixel>) -> Result<()> {
+        let mut waiting = Vec::with_capacity(DEEPEST as usize + 1);
+        waiting.push((start, end, DEEPEST));
+        while let Some((start, end, depth)) = waiting.pop() {
+            let at = |part: f64| start.0 + (end.0 - start.0) * part;
+            let between = [0.25, 0.5, 0.75].map(|part| image(at(part)));
+            if let (Some(a), Some(b), [Some(p), Some(q), Some(r)]) = (start.1, end.1, between) {
+                if self.misses([a, p, q, r, b]) {
+                    self.open = false;
+                    continue;
+                }
+                let straight = [p, q, r].iter().all(|point| from_line(point, &a, &b) <= self.tolerance);
+                let near = [a, b].as_flattened().iter().all(|coordinate| coordinate.abs() <= self.far);
+                if (straight && near) || depth == 0 {
+                    self.line(a, b)?;
+                    continue;
+                }
+            } else if depth == 0 || (start.1.is_none() && end.1.is_none() && between.iter().all(Option::is_none)) {
                 self.open = false;
-                return Ok(());
+                continue;
             }
-            let straight = [p, q, r].iter().all(|point| from_line(point, &a, &b) <= self.tolerance);
-            let near = [a, b].as_flattened().iter().all(|coordinate| coordinate.abs() <= self.far);
-            if (straight && near) || depth == 0 {
-                return self.line(a, b);
-            }
-        } else if depth == 0 || (start.1.is_none() && end.1.is_none() && between.iter().all(Option::is_none)) {
-            self.open = false;
-            return Ok(());
+            self.left = self.left.checked_sub(1).ok_or(Error::Winding { tolerance: self.tolerance })?;
+            let middle = (at(0.5), between[1]);
+            waiting.push((middle, end, depth - 1));
+            waiting.push((start, middle, depth - 1));
         }
-        self.left = self.left.checked_sub(1).ok_or(Error::Winding { tolerance: self.tolerance })?;
-        let middle = (at(0.5), between[1]);
-        self.part(start, middle, depth - 1, image)?;
-        self.part(middle, end, depth - 1, image)
+        Ok(())
     }
 
     /// Whether points all lie beyond one side of the rectangle, so that what is between them does too.

@@ -9,7 +9,7 @@ import calibration_datasets as samples
 import numpy as np
 import pytest
 from helpers import refuses
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 import ipm_rs
@@ -83,6 +83,7 @@ numbers = st.floats(-1e6, 1e6)
 )
 def test_every_pinhole_comes_back(focal, centre, angles, position, size):
     (fx, fy), (cx, cy, skew), (roll, pitch, yaw) = focal, centre, angles
+    assume(max(focal) > 1.5 or max(size) <= 64)  # others are placeholders
     matrix = [[fx, skew, cx], [0, fy, cy], [0, 0, 1]]
     camera = ipm_rs.Camera.from_euler(matrix, image_size=size, position=position, roll=roll, pitch=pitch, yaw=yaw)
     assert identical(ipm_rs.Camera.from_json(camera.to_json()), camera)

@@ -252,7 +252,7 @@ def test_names_of_pairs():
     ):
         whole = {
             **dict(zip(names, (K, D, K * [[2], [2], [1]], D / 2), strict=True)),
-            "size": SIZE,
+            "size": (2 * SIZE[0], 2 * SIZE[1]),
             "R": np.eye(3),
             "T": [-1, 0, 0],
         }

@@ -45,7 +45,7 @@ CALLS = {
     "geometry": "ipm_rs.flip_handedness(points), ipm_rs.flip_handedness_pose(np.eye(4))",
     "carla depth": "ipm_rs.decode_carla_depth(image, order='rgb'), ipm_rs.encode_carla_depth(depth)",
     "points_from_depth": "[ipm_rs.points_from_depth(depth, camera_behind(lens), kind=k, compact=c) for lens in lenses"
-    " for k in ('z', 'range') for c in (True, False)]",
+    " for k in ('z', 'ray') for c in (True, False)]",
     "PixelRays": "ipm_rs.points_from_depth(depth, ipm_rs.PixelRays(bent))",
     "depth_to_lidar": "ipm_rs.depth_to_lidar(depth, 640, 480, K), ipm_rs.depth_to_local_point_cloud(depth, 90)",
     "render_points": "[ipm_rs.render_points(p, camera_behind(lens), radius=r, values=points) for lens in lenses"
