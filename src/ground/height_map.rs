@@ -2,6 +2,7 @@
 
 use nalgebra::Vector3;
 
+use super::is_edge_on;
 use super::peaks::Peaks;
 use crate::error::{Error, Result, finite};
 
@@ -118,19 +119,28 @@ impl HeightMap {
         }
     }
 
-    /// z of the road at (x, y), or of the known node nearest to it where that is unknown.
-    pub(super) fn nearest_height(&self, x: f64, y: f64) -> f64 {
-        let here = self.height_at(x, y);
+    /// z of the road below or above `eye`. Where it is unknown, that of the nearest known node or of the road's tangent
+    /// plane there, whichever `eye` lies in, or else the lower.
+    pub(super) fn nearest_height(&self, eye: &Vector3<f64>) -> f64 {
+        let here = self.height_at(eye.x, eye.y);
         if !here.is_nan() {
             return here;
         }
-        let away = |k: usize| {
+        let [x, y, height] = self.nearest_node(eye.x, eye.y);
+        let tangent = eye.z - self.above_tangent(eye, x, y);
+        let either = [height, tangent].into_iter().find(|&road| is_edge_on(eye.z - road));
+        either.unwrap_or(height.min(tangent)) // a tangent plane beside a hole is not known, and NaN
+    }
+
+    /// (x, y, z) of the known node nearest to a place.
+    fn nearest_node(&self, x: f64, y: f64) -> [f64; 3] {
+        let node = |k: usize| {
             let (i, j) = ((k / self.columns) as f64, (k % self.columns) as f64);
-            (self.origin.0 + i * self.spacing.0 - x).hypot(self.origin.1 + j * self.spacing.1 - y)
+            [self.origin.0 + i * self.spacing.0, self.origin.1 + j * self.spacing.1, self.heights[k]]
         };
-        let known = (0..self.heights.len()).filter(|&k| !self.heights[k].is_nan());
-        let nearest = known.map(|k| (away(k), self.heights[k])).min_by(|a, b| a.0.total_cmp(&b.0));
-        nearest.map_or(f64::NAN, |(_, height)| height)
+        let away = |node: &[f64; 3]| (node[0] - x).hypot(node[1] - y);
+        let known = (0..self.heights.len()).map(node).filter(|node| !node[2].is_nan());
+        known.min_by(|a, b| away(a).total_cmp(&away(b))).expect("a map has a known height")
     }
 
     /// How high `eye` is above the road's tangent plane at (x, y); NaN where the road is unknown.
@@ -220,10 +230,15 @@ mod tests {
     #[test]
     fn beside_the_map_the_nearest_known_node_counts() {
         let map = twisted();
-        assert_eq!(map.nearest_height(11.0, -0.5), 2.5, "on the map its own height");
-        assert_eq!(map.nearest_height(0.0, -3.0), 0.0);
-        assert_eq!(map.nearest_height(30.0, 0.2), 4.0);
-        assert_eq!(map.nearest_height(11.9, 0.9), 4.0, "beside a hole");
+        assert_eq!(map.nearest_height(&Vector3::new(11.0, -0.5, 9.0)), 2.5, "on the map its own height");
+        assert_eq!(map.nearest_node(0.0, -3.0), [10.0, -1.0, 0.0]);
+        assert_eq!(map.nearest_node(30.0, 0.2), [12.0, 0.0, 4.0]);
+        assert_eq!(map.nearest_height(&Vector3::new(30.0, 0.2, 9.0)), 4.0, "beside a hole no plane is known");
+        // z = 0.1 (x - 10): below the first node, and in the plane
+        let slope = HeightMap::new(vec![0.0, 0.0, 0.2, 0.2], 2, (10.0, -1.0), (2.0, 1.0)).unwrap();
+        assert!((slope.nearest_height(&Vector3::new(4.0, 0.0, 1.4)) + 0.6).abs() < 1e-14);
+        assert!((slope.nearest_height(&Vector3::new(4.0, 0.0, -0.6)) + 0.6).abs() < 1e-14);
+        assert_eq!(slope.nearest_height(&Vector3::new(15.0, 0.0, 1.4)), 0.2);
     }
 
     #[test]

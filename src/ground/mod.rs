@@ -69,11 +69,11 @@ impl Ground {
         }
     }
 
-    /// z of the road below or above `eye`; where that is unknown, at the known node nearest to it.
+    /// z of the road below or above `eye`; where that is unknown, of what is known nearest to it.
     pub(crate) fn nearest_height(&self, eye: &Vector3<f64>) -> f64 {
         match self {
             Self::Plane(plane) => plane.height_at(eye.x, eye.y),
-            Self::HeightMap(map) => map.nearest_height(eye.x, eye.y),
+            Self::HeightMap(map) => map.nearest_height(eye),
         }
     }
 }

@@ -142,7 +142,7 @@ mod tests {
                 let camera = camera(z, pitch, 0.02);
                 let (odd, seen) = findings(&camera, &ground);
                 assert_eq!(seen, 0, "{ground:?}");
-                assert!(matches!(odd[..], [Finding::EdgeOn { .. } | Finding::NoCell { .. }]), "{odd:?}");
+                assert!(matches!(odd[..], [Finding::EdgeOn { .. }]), "{odd:?}");
                 for point in [[9.0, 1.0], [20.0, -2.3]] {
                     assert!(!camera.project_ground(point, &ground).valid);
                 }
@@ -157,11 +157,11 @@ mod tests {
     fn a_camera_under_its_road_is_odd_and_sees_it() {
         for ground in [Ground::default(), map(|_, _| 0.0), Plane::from_angles(0.05, 0.0, -0.1).unwrap().into()] {
             let (odd, seen) = findings(&camera(-1.4, -0.1, 0.0), &ground);
-            assert!(matches!(odd[..], [Finding::UnderRoad { camera: -1.4, .. }]), "{odd:?}");
+            assert!(matches!(odd[..], [Finding::UnderRoad { camera, .. }] if (camera + 1.4).abs() < 1e-9), "{odd:?}");
             assert!(seen > 1000);
         }
         let (odd, _) = findings(&camera(1.4, -0.1, 0.0), &Ground::height(2.0).unwrap());
-        assert_eq!(odd, [Finding::UnderRoad { camera: 1.4, road: 2.0 }]);
+        assert!(matches!(odd[..], [Finding::UnderRoad { road: 2.0, .. }]), "{odd:?}");
     }
 
     #[test]
@@ -169,14 +169,14 @@ mod tests {
         use std::f64::consts::{FRAC_PI_2, PI};
         let level = Ground::default();
         assert_eq!(because(&camera(1.4, 0.1, PI), &level), Unseen::Behind);
-        assert_eq!(because(&camera(1.4, 0.1, 1.3), &level), Unseen::OffImage("right"));
-        assert_eq!(because(&camera(1.4, 0.1, -1.3), &level), Unseen::OffImage("left"));
+        assert_eq!(because(&camera(1.4, 0.1, 1.47), &level), Unseen::OffImage("right"));
+        assert_eq!(because(&camera(1.4, 0.1, -1.47), &level), Unseen::OffImage("left"));
         assert_eq!(because(&camera(1.4, FRAC_PI_2, 0.0), &level), Unseen::OffImage("top"));
         assert_eq!(because(&camera(1.4, -0.9, 0.0), &level), Unseen::OffImage("bottom"));
         assert_eq!(because(&camera(1.4, 0.1, 0.0), &map(|x, _| if x < 2.0 { 0.0 } else { f64::NAN })), Unseen::Unknown);
         let hill = map(|x, _| if x == 3.0 { 6.0 } else { 0.0 });
         assert_eq!(because(&camera(1.4, -0.3, 0.0), &hill), Unseen::Hidden);
-        let narrow = KannalaBrandt::new(&[0.0; 4], Some(0.3)).unwrap();
-        assert_eq!(because(&camera(1.4, 0.1, 1.0).with_lens(Some(narrow.into())), &level), Unseen::BeyondLens);
+        let narrow = KannalaBrandt::new(&[0.0; 4], Some(0.1)).unwrap();
+        assert_eq!(because(&camera(1.4, 0.1, 1.3).with_lens(Some(narrow.into())), &level), Unseen::BeyondLens);
     }
 }

@@ -139,12 +139,12 @@ def read(
     region, blocks = _published(section, full)
     same_size(image_size, (region[2] // blocks[0], region[3] // blocks[1]), section.origin)
     # as the matrices are written, of the full image: what is derived from it may rightly be off its middle
-    camera = build(
+    whole = build(
         section.where("K" if image == "raw" else "P"), K, image_size=full, camera_from_vehicle=pose, lens=lens
     )
     if region != (0, 0, *full):
-        camera = camera.cropped(*region)
-    return camera if blocks == (1, 1) else camera.binned(*blocks, rule="first_pixel" if ros_binning else "area")
+        whole = whole.cropped(*region)
+    return whole if blocks == (1, 1) else whole.binned(*blocks, rule="first_pixel" if ros_binning else "area")
 
 
 def _calibrated(section: Section, key: str, K: Matrix) -> Matrix:
