@@ -5,7 +5,8 @@ Four steps, each a few lines, written for obviousness and not for speed:
 1. calibration numbers -> matrices: :func:`intrinsic_matrix`, :func:`rotation_from_euler`, :func:`camera_from_euler`;
 2. metric grid -> ground points: :func:`grid_shape`, :func:`grid_xy`;
 3. points -> pixels and back: :func:`project`, :func:`ground_from_pixels`, and :func:`maps` for a whole grid;
-4. image + maps -> bird's-eye view: :func:`remap_nearest`, :func:`remap_bilinear`, with :func:`valid_mask`.
+4. image + maps -> bird's-eye view: :func:`remap_nearest`, :func:`remap_bilinear`, with :func:`valid_mask`; and, of all
+   that each cell covers (:func:`grid_corners`, :func:`footprints`): :func:`remap_area`, :func:`remap_mode`.
 
 From depth images to points and from points to what a camera sees of them: :mod:`~ipm_rs.reference.clouds`, whose names
 are here too. :func:`rasterize` collects points in the cells of a grid; :mod:`~ipm_rs.reference.lenses` has the lens
@@ -36,6 +37,7 @@ from .clouds import (
     nearest_points,
     points_from_depth,
 )
+from .footprints import covered_area, footprints, grid_corners, remap_area, remap_mode
 from .raster import rasterize
 from .warps import remap_bilinear, remap_nearest, touches_image, valid_mask
 
@@ -43,6 +45,7 @@ __all__ = [
     "OPTICAL_FROM_FLU",
     "camera_from_euler",
     "clouds",
+    "covered_area",
     "decode_carla_depth",
     "depth_to_lidar",
     "depth_to_local_point_cloud",
@@ -51,6 +54,8 @@ __all__ = [
     "flip_handedness_euler",
     "flip_handedness_pose",
     "flip_handedness_rotation",
+    "footprints",
+    "grid_corners",
     "grid_shape",
     "grid_xy",
     "ground_from_pixels",
@@ -61,7 +66,9 @@ __all__ = [
     "points_from_depth",
     "project",
     "rasterize",
+    "remap_area",
     "remap_bilinear",
+    "remap_mode",
     "remap_nearest",
     "rotation_from_euler",
     "valid_mask",
