@@ -1,5 +1,6 @@
 //! Where between their four pixels cells lie: in Q15 as a table says it, or exactly.
 
+#[cfg(target_arch = "x86_64")]
 use std::ops::Range;
 
 use super::sealed::Blend;
@@ -21,6 +22,7 @@ pub(super) trait Places<T: Blend>: Copy {
     fn floats<const N: usize>(&self, first: usize) -> Option<[&[f32; N]; 2]>;
 
     /// Some of the cells.
+    #[cfg(target_arch = "x86_64")]
     fn part(self, cells: Range<usize>) -> Self;
 }
 
@@ -40,6 +42,7 @@ impl<T: Blend> Places<T> for &[Tap] {
         None
     }
 
+    #[cfg(target_arch = "x86_64")]
     #[inline(always)]
     fn part(self, cells: Range<usize>) -> Self {
         &self[cells]
@@ -71,6 +74,7 @@ impl<F: Float, T: Blend<Weights = (F, F)>> Places<T> for Exact<'_, F> {
         Some([floats(self.x)?, floats(self.y)?])
     }
 
+    #[cfg(target_arch = "x86_64")]
     #[inline(always)]
     fn part(self, cells: Range<usize>) -> Self {
         Self { taps: &self.taps[cells.clone()], x: &self.x[cells.clone()], y: &self.y[cells] }

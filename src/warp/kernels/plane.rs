@@ -51,6 +51,7 @@ impl<'a> Plane<'a> {
     }
 
     /// Position 0.
+    #[inline(always)]
     pub(super) fn start(&self) -> *const u8 {
         self.data.as_ptr()
     }

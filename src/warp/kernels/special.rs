@@ -181,13 +181,15 @@ macro_rules! kernel_compiled {
             Isa::Avx2 => kernel_compiled_for!(Avx2, $channels),
             #[cfg(target_arch = "x86_64")]
             Isa::Avx512 => kernel_compiled_for!(Avx512, $channels),
+            #[cfg(target_arch = "aarch64")]
+            Isa::Neon => kernel_compiled_for!(Neon, $channels),
             _ => None,
         }
     };
 }
 
 /// [`kernel_compiled`] for one instruction set.
-#[cfg(target_arch = "x86_64")]
+#[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
 macro_rules! kernel_compiled_for {
     ($isa:ident, $channels:expr) => {
         match $channels {

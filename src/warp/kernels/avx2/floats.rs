@@ -73,19 +73,20 @@ fn blend_run_f32<P: Places<f32>, const CHANNELS: usize, const PIXEL: usize>(
         |first, group| (group.offsets, weights_of(places, first, group)),
         |positions, &weights, cells| {
             if CHANNELS == 1 {
-                blend_one_f32(&plane, positions, weights, cells);
+                blend_one_f32::<P>(&plane, positions, weights, cells);
             } else {
-                blend_colour_f32::<CHANNELS, PIXEL>(&plane, positions, weights, cells);
+                blend_colour_f32::<P, CHANNELS, PIXEL>(&plane, positions, weights, cells);
             }
         },
         |range, cells| scalar(source, places.part(range), cells),
     );
 }
 
-/// Eight cells of one channel.
+/// Eight cells of one channel. `P` is not looked at: compiled for one caller each, it becomes part of it, and weights stay
+/// in registers.
 #[inline]
 #[target_feature(enable = "avx2")]
-fn blend_one_f32(plane: &Plane<'_>, at: &Cells<'_>, weights: (__m256, __m256), cells: &mut [f32]) {
+fn blend_one_f32<P>(plane: &Plane<'_>, at: &Cells<'_>, weights: (__m256, __m256), cells: &mut [f32]) {
     assert_eq!(cells.len(), CELLS);
     let at = at.early_positions::<4, CELLS>(plane, ALL);
     let pairs = |row: isize| {
@@ -102,10 +103,10 @@ fn blend_one_f32(plane: &Plane<'_>, at: &Cells<'_>, weights: (__m256, __m256), c
     unsafe { _mm256_storeu_ps(cells.as_mut_ptr(), blended) };
 }
 
-/// Eight cells of 3 or 4 channels.
+/// Eight cells of 3 or 4 channels; `P` as in [`blend_one_f32`].
 #[inline]
 #[target_feature(enable = "avx2")]
-fn blend_colour_f32<const CHANNELS: usize, const PIXEL: usize>(
+fn blend_colour_f32<P, const CHANNELS: usize, const PIXEL: usize>(
     plane: &Plane<'_>,
     at: &Cells<'_>,
     weights: (__m256, __m256),

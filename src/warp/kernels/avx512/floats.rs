@@ -48,7 +48,7 @@ pub(in crate::warp::kernels) fn bilinear_float<T: Float, P: Places<T>, const CHA
         // the last group reaches back to be whole: some cells are blended twice
         let first = (16 * group).min(all.len() - 16);
         let taps = all[first..].first_chunk().expect("sixteen are left");
-        let at = Sixteen { taps, exact: places.floats(first) };
+        let at = Sixteen { taps, places, first };
         let cells = &mut cells[first * CHANNELS..(first + 16) * CHANNELS];
         if CHANNELS * size_of::<T>() >= 12 {
             prefetch_quads::<T, CHANNELS>(
@@ -58,10 +58,10 @@ pub(in crate::warp::kernels) fn bilinear_float<T: Float, P: Places<T>, const CHA
         }
         let blended = match (CHANNELS, size_of::<T>()) {
             (1, _) => blend_planar(&plane, reach, at, cells),
-            (3, 2) => blend_quads::<T, CHANNELS, 6>(&plane, reach, at, cells),
-            (3, _) => blend_quads::<T, CHANNELS, 12>(&plane, reach, at, cells),
-            (_, 2) => blend_quads::<T, CHANNELS, 8>(&plane, reach, at, cells),
-            _ => blend_quads::<T, CHANNELS, 16>(&plane, reach, at, cells),
+            (3, 2) => blend_quads::<T, P, CHANNELS, 6>(&plane, reach, at, cells),
+            (3, _) => blend_quads::<T, P, CHANNELS, 12>(&plane, reach, at, cells),
+            (_, 2) => blend_quads::<T, P, CHANNELS, 8>(&plane, reach, at, cells),
+            _ => blend_quads::<T, P, CHANNELS, 16>(&plane, reach, at, cells),
         };
         if !blended {
             scalar::bilinear::<T, P, CHANNELS, false>(source, places.part(first..first + 16), cells);
@@ -69,12 +69,12 @@ pub(in crate::warp::kernels) fn bilinear_float<T: Float, P: Places<T>, const CHA
     }
 }
 
-/// Sixteen cells.
+/// Sixteen of a run's cells.
 #[derive(Clone, Copy)]
-struct Sixteen<'a> {
+struct Sixteen<'a, P> {
     taps: &'a [Tap; 16],
-    /// Their fractions, where they are not those of the taps.
-    exact: Option<[&'a [f32; 16]; 2]>,
+    places: P,
+    first: usize,
 }
 
 /// The last byte positions from which the loads of each way stay inside the image, there and one row below.
@@ -224,7 +224,7 @@ fn pick<T: Float, const VECTORS: usize>(rows: &[[__m512i; VECTORS]; 2], left: __
 /// Blends sixteen cells of one channel; false, and nothing written, where a load would leave the image.
 #[inline]
 #[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512vbmi,avx512vnni")]
-fn blend_planar<T: Float>(plane: &Plane<'_>, reach: Reach, at: Sixteen<'_>, cells: &mut [T]) -> bool {
+fn blend_planar<T: Float, P: Places<T>>(plane: &Plane<'_>, reach: Reach, at: Sixteen<'_, P>, cells: &mut [T]) -> bool {
     let (taps, group) = (at.taps, Group::load(at.taps));
     let (positions, (base, distances)) = if size_of::<T>() == 2 {
         let positions = plane.positions::<2>(group.offsets);
@@ -244,7 +244,7 @@ fn blend_planar<T: Float>(plane: &Plane<'_>, reach: Reach, at: Sixteen<'_>, cell
     } else {
         gather_planar::<T>(plane, taps, positions)
     };
-    let blends = Fractions::of(at.exact, group.fractions).blend(pixels);
+    let blends = Fractions::of(at.places.floats(at.first), group.fractions).blend(pixels);
     assert_eq!(cells.len(), 16);
     let at = cells.as_mut_ptr();
     if size_of::<T>() == 2 {
@@ -298,10 +298,10 @@ fn gather_planar<T: Float>(plane: &Plane<'_>, taps: &[Tap; 16], positions: __m51
 /// image.
 #[inline]
 #[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512vbmi,avx512vnni")]
-fn blend_quads<T: Float, const CHANNELS: usize, const PIXEL: usize>(
+fn blend_quads<T: Float, P: Places<T>, const CHANNELS: usize, const PIXEL: usize>(
     plane: &Plane<'_>,
     reach: Reach,
-    at: Sixteen<'_>,
+    at: Sixteen<'_, P>,
     cells: &mut [T],
 ) -> bool {
     let (taps, group) = (at.taps, Group::load(at.taps));
@@ -317,7 +317,7 @@ fn blend_quads<T: Float, const CHANNELS: usize, const PIXEL: usize>(
         _mm512_shuffle_epi32::<0b11_11_11_11>(positions),
     );
     let distances = _mm512_sub_epi32(positions, bases);
-    let fractions = Fractions::of(at.exact, group.fractions);
+    let fractions = Fractions::of(at.places.floats(at.first), group.fractions);
     if reach.near >= 0 && all_within(distances, 128 - 2 * PIXEL as i32) && all_within(bases, reach.near as i32) {
         let bases = quad_bases::<PIXEL>(plane, taps, bases);
         let samples =
