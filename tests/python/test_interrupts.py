@@ -57,7 +57,7 @@ LARGE = """
     maps = np.full((4000, 5000), 3, np.float32)
     uv = np.tile(rng.uniform(0, 479, (1000, 2)), (12_000, 1))
     points = np.tile(rng.uniform((4, -3, 0), (9, 3, 1), (1000, 3)), (3000, 1))
-    angle = np.linspace(0, 4000, 1_000_000)
+    angle = np.linspace(0, 12_000, 3_000_000)
     star = np.stack([14 + 9 * np.cos(angle), 7 * np.sin(angle * 1.01)], 1)
     depth = np.broadcast_to(np.ones(8_000, np.float32), (20_000, 8_000))
     large = ipm_rs.Camera([[9e3, 0, 4e3], [0, 9e3, 1e4], [0, 0, 1]], image_size=(8_000, 20_000), lens=bent.lens)
@@ -114,11 +114,12 @@ def test_a_handler_that_raises_nothing_lets_the_call_go_on(threads):
     def handle(signum, frame) -> None:
         handled.append((time.monotonic(), small.warp(images[0])))
 
-    expected = lut.warp(images[-1])
+    expected = lut.warp(images[-1], interpolation="mode")
     before = signal.signal(signal.SIGALRM, handle)
     try:
         signal.setitimer(signal.ITIMER_REAL, 0.1)
-        lut.warp(images, layout="NHWC", interpolation="mode" if threads == 1 else "bilinear", out=out, threads=threads)
+        # seconds of work, on any machine: bilinear is done before the timer
+        lut.warp(images, layout="NHWC", interpolation="mode", out=out, threads=threads)
         ended = time.monotonic()
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0)
@@ -126,8 +127,7 @@ def test_a_handler_that_raises_nothing_lets_the_call_go_on(threads):
     assert len(handled) == 1
     assert handled[0][0] < ended
     assert (handled[0][1] == images[0, 0, 0]).all()
-    if threads > 1:
-        assert (out[-1] == expected).all()
+    assert (out[-1] == expected).all()
 
 
 @linux
