@@ -21,7 +21,7 @@ CALLS = {
     **{
         f"warp, {kind}": "[lut.warp(image[..., :c].astype(t), interpolation=KIND, border_value=1)"
         " for c in (1, 2, 3) for t in TYPES], lut.warp(many, interpolation=KIND)".replace("KIND", repr(kind)).replace(
-            "TYPES", "('uint8', 'uint16')" if kind == "mode" else "('uint8', 'uint16', 'float32')"
+            "TYPES", "('uint8', 'uint16')" if kind == "mode" else "('uint8', 'int16', 'float16', 'float32', 'float64')"
         )
         for kind in ("nearest", "bilinear", "area", "mode")
     },
