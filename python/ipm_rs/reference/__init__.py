@@ -37,7 +37,8 @@ from .clouds import (
     nearest_points,
     points_from_depth,
 )
-from .footprints import covered_area, footprints, grid_corners, remap_area, remap_mode
+from .footprints import covered_area, footprints, remap_area, remap_mode
+from .grids import grid_corners, grid_shape, grid_xy
 from .raster import rasterize
 from .warps import remap_bilinear, remap_nearest, touches_image, valid_mask
 
@@ -150,71 +151,6 @@ def camera_from_euler(
     pose[:3, :3] = rotation
     pose[:3, 3] = -rotation @ np.asarray(position, dtype=np.float64)
     return pose
-
-
-# ---------------------------------------------------------------------------------------------------------------------
-# 2. Grid -> ground points
-
-
-def grid_shape(
-    x: tuple[float, float], y: tuple[float, float], resolution: float | tuple[float, float]
-) -> tuple[int, int]:
-    """Rows and columns of a metric grid.
-
-    Parameters
-    ----------
-    x, y : (float, float)
-        Range ahead and to the left, metres, lower end first.
-    resolution : float or (float, float)
-        Cell size along x and along y, metres; one number serves both.
-
-    Returns
-    -------
-    (int, int)
-        ``(rows, columns)``: 43 m in cells of 0.05 m are 860 rows.
-
-    Raises
-    ------
-    ValueError
-        If a range is not a whole number of cells to 1e-6 of a cell.
-    """
-    dx, dy = np.broadcast_to(np.asarray(resolution, dtype=np.float64), 2)
-    cells = np.array([(x[1] - x[0]) / dx, (y[1] - y[0]) / dy])
-    whole = np.round(cells)
-    if not np.all(np.abs(cells - whole) <= 1e-6) or not np.all(whole >= 1):
-        raise ValueError(f"expected ranges of whole cells, got {cells[0]:.9g} x {cells[1]:.9g} cells")
-    return int(whole[0]), int(whole[1])
-
-
-def grid_xy(
-    x: tuple[float, float],
-    y: tuple[float, float],
-    resolution: float | tuple[float, float],
-    sample_at: str = "center",
-) -> NDArray[np.float64]:
-    """Ground position of every cell's sample; row 0 is farthest ahead, column 0 leftmost.
-
-    Parameters
-    ----------
-    x, y : (float, float)
-        Range ahead and to the left, metres, lower end first.
-    resolution : float or (float, float)
-        Cell size along x and along y, metres.
-    sample_at : {"center", "corner"}
-        ``"corner"`` samples the far left corner of each cell: ``X_i = x_max - i dx``, ``Y_j = y_max - j dy``.
-        ``"center"`` samples half a cell nearer and further right.
-
-    Returns
-    -------
-    ndarray, shape (rows, columns, 2), float64
-        X and Y in the vehicle frame, metres.
-    """
-    dx, dy = np.broadcast_to(np.asarray(resolution, dtype=np.float64), 2)
-    rows, columns = grid_shape(x, y, resolution)
-    offset = {"center": 0.5, "corner": 0.0}[sample_at]
-    ahead = x[1] - dx * (np.arange(rows) + offset)
-    left = y[1] - dy * (np.arange(columns) + offset)
-    return np.stack(np.meshgrid(ahead, left, indexing="ij"), axis=-1)
 
 
 # ---------------------------------------------------------------------------------------------------------------------

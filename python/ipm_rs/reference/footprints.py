@@ -16,38 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .warps import remap_bilinear, remap_nearest, valid_mask
 
-__all__ = ["covered_area", "footprints", "grid_corners", "remap_area", "remap_mode"]
-
-
-def grid_corners(
-    x: tuple[float, float],
-    y: tuple[float, float],
-    resolution: float | tuple[float, float],
-    sample_at: str = "center",
-) -> NDArray[np.float64]:
-    """Ground position of the corners of all cells: half a cell around their samples.
-
-    Parameters
-    ----------
-    x, y : (float, float)
-        Range ahead and to the left, metres, lower end first.
-    resolution : float or (float, float)
-        Cell size along x and along y, metres.
-    sample_at : {"center", "corner"}
-        Where cells are sampled, as for :func:`grid_xy`. Around corner samples the cells lie half a cell further away
-        and further left than the ranges say.
-
-    Returns
-    -------
-    ndarray, shape (rows + 1, columns + 1, 2), float64
-        X and Y in the vehicle frame, metres. The cell (i, j) lies between the corners (i, j) and (i + 1, j + 1).
-    """
-    dx, dy = np.broadcast_to(np.asarray(resolution, dtype=np.float64), 2)
-    rows, columns = (round((high - low) / size) for (low, high), size in ((x, dx), (y, dy)))
-    offset = {"center": 0.0, "corner": -0.5}[sample_at]
-    ahead = x[1] - dx * (np.arange(rows + 1) + offset)
-    left = y[1] - dy * (np.arange(columns + 1) + offset)
-    return np.stack(np.meshgrid(ahead, left, indexing="ij"), axis=-1)
+__all__ = ["covered_area", "footprints", "remap_area", "remap_mode"]
 
 
 def footprints(corner_x: ArrayLike, corner_y: ArrayLike) -> NDArray[np.float64]:
