@@ -102,7 +102,8 @@ def mutated(rng: random.Random, value: Any, arrays: list[np.ndarray]) -> tuple[s
         if choice < 0.36 and arrays:
             return "alias of another argument", rng.choice(arrays)
         name = rng.choice(list(ARRAYS))
-        return name, ARRAYS[name](rng, value)
+        # of a copy: resizing an array pulls the memory from under its views, which NumPy itself cannot survive
+        return name, ARRAYS[name](rng, value.copy())
     if isinstance(value, bool) or value is None:
         return _picked(rng, "wrong", WRONG)
     if isinstance(value, (int, float)):

@@ -108,7 +108,16 @@ def real() -> dict[str, Sample]:
         "cityscapes": ("cityscapes/camera.json", "cityscapes", {}),
         "cityscapes nested": ("cityscapes/frankfurt_style_camera_nested.json", "cityscapes", {}),
         "kitti": ("kitti/000114_calib.txt", "kitti", {"image_size": (1242, 375)}),
-        "ring": ("ring_fisheye/calibration.json", "opencv", {"camera": "left", "lens": "fisheye"}),
+        "nuscenes table": (
+            "calibration_files/nuscenes_schema_calibrated_sensor.json",
+            "nuscenes",
+            {"camera": "18908cc236587364dfac3766d0a410ef598e41a417e1cf17e3043bf50b7d600f", "image_size": (1224, 1024)},
+        ),
+        "rig": ("ring_drive/rig.json", "opencv", {"camera": "CAMERA_05", "lens": "pinhole"}),
+        **{
+            f"ring {side}": ("ring_fisheye/calibration.json", "opencv", {"camera": side, "lens": "fisheye"})
+            for side in ("front", "left", "right", "back")
+        },
         **{
             f"fisheye {side}": (f"fisheye_surround/{side}.yaml", "opencv", {"lens": "fisheye"})
             for side in ("front", "left", "right", "back")
