@@ -19,7 +19,6 @@
 //! Frames: vehicle ISO 8855 (x forward, y left, z up, metres), camera optical (x right, y down, z forward), pixel (0, 0)
 //! the centre of the top-left pixel. Transforms are named `dst_from_src`, angles are in radians.
 
-mod buffer;
 mod camera;
 pub mod cloud;
 mod cpu;
@@ -28,13 +27,12 @@ mod finding;
 pub mod geometry;
 mod grid;
 mod ground;
-mod half;
-mod image;
 mod lut;
 mod parallel;
 #[cfg(feature = "python")]
 mod python;
 pub mod raster;
+pub mod view;
 pub mod warp;
 
 pub use camera::{
@@ -46,9 +44,8 @@ pub use error::{Error, Result};
 pub use finding::{Finding, Unseen};
 pub use grid::{BevGrid, MAX_CELLS, SampleAt};
 pub use ground::{Ground, HeightMap, Plane};
-pub use half::F16;
-pub use image::{ImageView, ImageViewMut, Sample};
 pub use lut::Lut;
 pub use parallel::{interruptible, num_threads, set_num_threads};
+pub use view::{F16, ImageView, ImageViewMut, Sample};
 pub use warp::direct::{BorderMode, Mapping, inverse_homography, warp_direct_into, warp_direct_nearest_into};
 pub use warp::{Bilinear, Interpolation, WarpOptions};

@@ -4,10 +4,10 @@ use nalgebra::Vector3;
 
 use super::trace::Tracer;
 use super::{Camera, check_tracing};
-use crate::buffer;
 use crate::error::Result;
 use crate::ground::Ground;
 use crate::parallel::check_interrupt;
+use crate::view::buffer;
 
 /// Angle, radians, seen from the camera, that a part of a line behind a lens has at most: it is asked for at both ends
 /// and at three places between, so nothing that is wider than a quarter of it is overlooked.

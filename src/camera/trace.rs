@@ -1,8 +1,8 @@
 //! Images of curves, as polylines that stay within a tolerance of them.
 
-use crate::buffer;
 use crate::error::{Error, Result};
 use crate::parallel::check_interrupt;
+use crate::view::buffer;
 
 /// What memory is asked for, in errors.
 const WHAT: &str = "polyline";

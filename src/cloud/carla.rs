@@ -6,8 +6,8 @@
 use super::kernels::{self, Decode, Encode};
 use crate::cpu::Isa;
 use crate::error::{Error, Result};
-use crate::image::{ImageView, ImageViewMut};
 use crate::parallel;
+use crate::view::{ImageView, ImageViewMut};
 
 /// The largest code, 256^3 - 1.
 const LARGEST: f64 = 16_777_215.0;

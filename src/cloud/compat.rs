@@ -7,10 +7,10 @@
 use nalgebra::Matrix3;
 
 use super::PointSample;
-use crate::buffer;
 use crate::error::{Error, Result};
-use crate::image::ImageView;
 use crate::parallel::check_interrupt;
+use crate::view::ImageView;
+use crate::view::buffer;
 
 /// Metres of depth 1.
 const FAR: f64 = 1000.0;

@@ -4,21 +4,19 @@ mod back_project;
 mod carla;
 mod compat;
 mod kernels;
-mod points;
 mod project;
 mod rays;
 mod render;
-mod sample;
 
+pub use crate::view::PointsView;
+pub use crate::view::{DepthSample, PointSample};
 pub use back_project::{DepthCloud, DepthKind, DepthOptions, cloud_from_depth};
 pub use back_project::{points_from_depth_into, points_size};
 pub use carla::{ChannelOrder, DepthUnit, decode_carla_depth_into, encode_carla_depth_into};
 pub use compat::{LidarPoints, carla_084_points, depth_to_lidar};
-pub use points::PointsView;
 pub use project::{Projections, project_into};
 pub use rays::{PixelRays, Viewpoint};
 pub use render::{NO_POINT, RenderOptions, paint_into, render_points_into};
-pub use sample::{DepthSample, PointSample};
 
 use nalgebra::Matrix3;
 

@@ -1,9 +1,9 @@
 //! The rays of a camera's pixels, worked out once.
 
-use crate::buffer;
 use crate::camera::Camera;
 use crate::error::Result;
 use crate::parallel;
+use crate::view::buffer;
 
 /// Where each pixel of a camera looks, for many depth images behind one lens: 24 bytes a pixel. A pinhole's rays need no
 /// table, they are as quickly computed as read.

@@ -4,12 +4,12 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use super::project::project_chunk;
 use super::{DepthKind, PointSample, PointsView, Projections};
-use crate::buffer;
 use crate::camera::Camera;
 use crate::cpu::Isa;
 use crate::error::{Error, Result};
-use crate::image::{ImageView, ImageViewMut, Sample};
 use crate::parallel;
+use crate::view::buffer;
+use crate::view::{ImageView, ImageViewMut, Sample};
 
 /// In an index image, a pixel that no point falls on.
 pub const NO_POINT: i64 = -1;

@@ -2,9 +2,9 @@
 
 use nalgebra::{DMatrix, Matrix3, SMatrix, SVector, Vector3};
 
-use crate::buffer;
 use crate::error::{Error, Result, finite};
 use crate::parallel::check_interrupt;
+use crate::view::buffer;
 
 /// What memory is asked for, in errors.
 const WHAT: &str = "points";

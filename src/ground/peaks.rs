@@ -1,8 +1,8 @@
 //! How high and how steep a height map gets, so that rays leap over what lies below them.
 
-use crate::buffer;
 use crate::error::Result;
 use crate::parallel::check_interrupt;
+use crate::view::buffer;
 
 /// The highest road in blocks of 2 x 2 patches, 4 x 4, 8 x 8, ... up to the whole map (a maximum mipmap: Tevs, Ihrke and
 /// Seidel 2008).

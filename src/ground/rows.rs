@@ -2,8 +2,8 @@
 
 use super::HeightMap;
 use super::height_map::{Between, blend};
-use crate::buffer;
 use crate::error::Result;
+use crate::view::buffer;
 
 /// A height map looked up at one set of y, row after row of x: what is the same for all rows is worked out once.
 pub(crate) struct HeightRows<'a> {

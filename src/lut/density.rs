@@ -2,10 +2,10 @@
 
 use super::Lut;
 use super::area::{Coordinates, Q, Sides, check_sides};
-use crate::buffer;
 use crate::cpu::Isa;
 use crate::error::Result;
 use crate::parallel;
+use crate::view::buffer;
 
 impl Lut {
     /// Source pixels from a cell to the next, row-major, two numbers a cell: down the output's rows, and along its columns.

@@ -6,11 +6,11 @@ use std::mem::MaybeUninit;
 
 use super::Lut;
 use super::table::{RowEnd, RowRuns, Run, RunKind, Table, Tap, band_rows, unframed};
-use crate::buffer;
 use crate::camera::check_image_size;
 use crate::error::{Error, Result};
 use crate::grid::check_cells;
 use crate::parallel::check_interrupt;
+use crate::view::buffer;
 
 const MAGIC: &[u8; 8] = b"ipm_rs\x00\x02";
 

@@ -2,9 +2,9 @@
 
 use super::Lut;
 use super::table::{ONE, RunKind, Tap, unframed};
-use crate::buffer;
 use crate::error::Result;
 use crate::parallel::check_interrupt;
+use crate::view::buffer;
 
 impl Lut {
     /// Which cells are valid, row-major: in front of the camera and inside the rectangle of the image's pixel centres.

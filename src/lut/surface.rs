@@ -5,11 +5,11 @@ use std::cell::RefCell;
 use nalgebra::Vector3;
 
 use super::kernels::HeightsRow;
-use crate::buffer;
 use crate::camera::Camera;
 use crate::cpu::Isa;
 use crate::error::Result;
 use crate::ground::{HeightMap, HeightRows};
+use crate::view::buffer;
 
 /// A grid's rows as a camera sees them over a height map.
 pub(super) struct Surface<'a> {

@@ -11,11 +11,11 @@ use super::area::LazyPlan;
 use super::kernels::{Kinds, Row, Sampled, quantise_one};
 use super::tap::framed;
 pub(crate) use super::tap::{ONE, RunKind, Tap, unframed};
-use crate::buffer;
 use crate::cpu::Isa;
 use crate::error::Result;
 use crate::grid::check_cells;
 use crate::parallel;
+use crate::view::buffer;
 
 /// A run of cells of one kind: the kind in the top two bits, the number of cells in the others. Longer runs are several.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

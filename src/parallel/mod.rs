@@ -14,9 +14,9 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 pub(crate) use interrupt::check_interrupt;
 pub use interrupt::interruptible;
 
-#[cfg(feature = "python")]
-use crate::buffer::{self, Zeroable};
 use crate::error::{Error, Result};
+#[cfg(feature = "python")]
+use crate::view::buffer::{self, Zeroable};
 use crew::Crew;
 
 /// Threads asked for by [`set_num_threads`]; 0 before it is called.

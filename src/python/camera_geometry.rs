@@ -15,8 +15,8 @@ use super::ground::{given_road, only_ground, plane_of, road};
 use super::ground_points::bev_grid;
 use super::lens::lens as lens_model;
 use super::warnings::checked;
-use crate::buffer;
 use crate::parallel::{self, num_threads};
+use crate::view::buffer;
 use crate::{Binning, Camera, Pinhole, RangeError};
 
 /// One pixel, in degrees of pitch that are as hard to keep.

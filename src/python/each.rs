@@ -6,8 +6,9 @@ use pyo3::prelude::*;
 use super::cloud::Projected;
 use super::convert::rows_to_numpy;
 use super::detached;
+use crate::Projection;
 use crate::parallel::{self, num_threads};
-use crate::{Projection, buffer};
+use crate::view::buffer;
 
 /// What memory is asked for, in errors.
 pub(super) const WHAT: &str = "points";

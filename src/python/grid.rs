@@ -10,8 +10,8 @@ use super::convert::{Call, Floats, Reduced, float_or_two, floats, rebuilt_by_new
 use super::detached;
 use super::each::each_row;
 use super::error::classes::ArgumentError;
-use crate::buffer;
 use crate::parallel::check_interrupt;
+use crate::view::buffer;
 use crate::{BevGrid, SampleAt};
 
 #[doc = help!("BevGrid")]

@@ -13,7 +13,7 @@ use super::detached;
 use super::each::each_number;
 use super::error::classes::{ArgumentError, ArgumentTypeError};
 use super::ground_points::bev_grid;
-use crate::buffer;
+use crate::view::buffer;
 use crate::{Ground, HeightMap, Plane};
 
 #[doc = help!("Plane")]

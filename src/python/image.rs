@@ -15,7 +15,8 @@ use super::convert::tuple_text;
 use super::error::classes::{DtypeError, ImageError, OutOfMemoryError};
 use super::layout::Layout;
 use super::shared;
-use crate::{ImageView, ImageViewMut, Sample, buffer};
+use crate::view::buffer;
+use crate::{ImageView, ImageViewMut, Sample};
 
 /// How often an axis is stepped along, and by how many bytes; an axis that is not there is one of length 1.
 #[derive(Clone, Copy)]

@@ -7,7 +7,8 @@ use pyo3::types::{PyDict, PyTuple};
 
 use super::convert::{Floats, Reduced, float, floats, rebuilt_by_new, tuple_text, type_name};
 use super::error::classes::{ArgumentError, ArgumentTypeError};
-use crate::{BrownConrady, DoubleSphere, Eucm, KannalaBrandt, Lens, Mei, Ocam, RadialPolynomial, buffer};
+use crate::view::buffer;
+use crate::{BrownConrady, DoubleSphere, Eucm, KannalaBrandt, Lens, Mei, Ocam, RadialPolynomial};
 
 /// A list of numbers, of any length.
 fn numbers(name: &str, object: &Bound<'_, PyAny>) -> PyResult<Vec<f64>> {

@@ -9,7 +9,7 @@ use super::convert::{Whole, text_of, type_name, whole_number, word};
 use super::error::OrRefuse;
 use super::error::classes::{ArgumentError, ArgumentTypeError};
 use super::layout::Layout;
-use crate::image::as_bytes_mut;
+use crate::view::as_bytes_mut;
 use crate::{BorderMode, Interpolation, Sample};
 
 /// `"bilinear"`, `"nearest"`, `"area"` or `"mode"`.

@@ -14,7 +14,8 @@ use super::grid::PyBevGrid;
 use super::options::thread_count;
 use super::shared;
 use crate::raster::{Coordinates, RasterOptions, Real, Reduce, Strided, Values, rasterize_values};
-use crate::{BevGrid, buffer, raster};
+use crate::view::buffer;
+use crate::{BevGrid, raster};
 
 #[doc = help!("rasterize")]
 #[pyfunction]

@@ -10,8 +10,8 @@ use super::error::OrRefuse;
 use super::error::classes::{ArgumentError, ArgumentTypeError, DtypeError};
 use super::raster::grid;
 use crate::BevGrid;
-use crate::buffer;
 use crate::raster::{box_corners, check_polygon, draw_polygon};
+use crate::view::buffer;
 
 #[doc = help!("rasterize_boxes")]
 #[pyfunction]

@@ -5,17 +5,17 @@
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-use super::kernels::{Finder, NOWHERE, prefetch};
+use super::kernels::{Finder, NOWHERE};
 use super::layers::Cells;
-use super::number::Real;
 use super::points::{BLOCK, Block, Source};
 use super::{Census, WHAT};
+use crate::view::{Real, prefetch};
 
 use super::records::Record;
-use crate::buffer;
 use crate::cpu::Isa;
 use crate::error::Result;
 use crate::parallel;
+use crate::view::buffer;
 
 /// Points that one job sorts: with what is made of them they fit the second cache.
 const CHUNK: usize = 8 * BLOCK;

@@ -3,11 +3,11 @@
 //! instruction sets give the same cells.
 
 use super::WHAT;
-use super::number::Real;
-use crate::buffer;
 use crate::cpu::{Body, Isa, run};
 use crate::error::Result;
 use crate::grid::BevGrid;
+use crate::view::Real;
+use crate::view::buffer;
 
 /// Key of a point that has no cell.
 pub(super) const NOWHERE: u32 = u32::MAX;
@@ -125,19 +125,6 @@ impl<P: Real, const K: usize> Body for Unpack<'_, P, K> {
             (x[i], y[i], z[i]) = (row[0].to_f64(), row[1].to_f64(), row[2].to_f64());
         }
     }
-}
-
-/// Asks for the memory of an item that will be needed soon; where there is no such item, nothing happens.
-#[inline(always)]
-pub(super) fn prefetch<E>(items: &[E], index: usize) {
-    #[cfg(target_arch = "x86_64")]
-    if let Some(item) = items.get(index) {
-        use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
-        // SAFETY: SSE is part of x86-64; the address is that of an item, and a hint reads nothing.
-        unsafe { _mm_prefetch::<_MM_HINT_T0>(std::ptr::from_ref(item).cast()) };
-    }
-    #[cfg(not(target_arch = "x86_64"))]
-    let _ = (items, index);
 }
 
 /// The largest whole number that is not above, of numbers in 0..2^51; others give anything.

@@ -1,12 +1,11 @@
 //! Layers: what the cells have collected, as arrays.
 
-use super::kernels::prefetch;
-use super::number::Real;
 use super::records::Record;
 use super::{Census, RasterOptions, Reduce};
-use crate::buffer::{self, Zeroable, zeroed};
 use crate::cpu::{Body, Isa, run};
 use crate::error::Result;
+use crate::view::buffer::{self, Zeroable, zeroed};
+use crate::view::{Real, prefetch};
 
 /// The layers of points, row 0 the farthest, column 0 the leftmost; those that were not asked for are `None`.
 ///

@@ -22,17 +22,14 @@
 mod bands;
 mod kernels;
 mod layers;
-mod number;
 mod points;
 mod records;
 mod shapes;
-mod strided;
 
+pub use crate::view::{Cast, Real, Strided};
 pub use layers::Raster;
-pub use number::{Cast, Real};
 pub use points::{Coordinates, Values};
 pub use shapes::{box_corners, check_polygon, draw_polygon};
-pub use strided::Strided;
 
 use crate::cpu::Isa;
 use crate::error::{Error, Result};

@@ -1,12 +1,12 @@
 //! From points to blocks: which cell each point falls into, and the values of those that have one.
 
 use super::kernels::{Finder, NOWHERE, Unpack};
-use super::number::{Cast, Real};
-use super::strided::Strided;
 use super::{Census, MAX_POINTS, RasterOptions, Reduce, WHAT};
-use crate::buffer;
 use crate::cpu::{Isa, run};
 use crate::error::{Error, Result};
+use crate::view::Strided;
+use crate::view::buffer;
+use crate::view::{Cast, Real};
 
 /// Points that are looked at together: what is known of them stays in the first cache.
 pub(super) const BLOCK: usize = 1024;

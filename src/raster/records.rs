@@ -3,7 +3,7 @@
 //! The values of a cell come in the order of its points. Nothing branches: whether a cell is empty is only known when its
 //! record has arrived, and a wrong guess would cost as much as the wait.
 
-use super::number::Real;
+use crate::view::Real;
 
 /// What a cell, or one channel of it, has collected.
 pub(super) trait Record<T>: Copy + Send + Sync + 'static {

@@ -1,10 +1,10 @@
 //! Boxes and polygons onto a grid: labels of the cells whose centres are inside.
 
 use super::WHAT;
-use crate::buffer;
 use crate::error::{Error, Result};
 use crate::grid::BevGrid;
 use crate::parallel::check_interrupt;
+use crate::view::buffer;
 
 /// Coordinates beyond this, metres, are taken for a mistake: differences of larger ones lose the cells.
 const FARTHEST: f64 = 1e9;

@@ -6,16 +6,16 @@ use nalgebra::Matrix3;
 
 use super::kernels::{ExactBlend, ExactKernels, Float, RowKernels, Source};
 use super::{Bilinear, Interpolation, WarpOptions, warp_segments};
-use crate::buffer;
 use crate::camera::check_image_size;
 use crate::cpu::Isa;
 use crate::error::{Error, Result};
 use crate::grid::check_cells;
-use crate::image::{ImageView, ImageViewMut, Sample};
 use crate::lut::kernels::{Kinds, Row, Sampled, widen};
 use crate::lut::table::{RowRuns, RunKind, Tap};
 use crate::lut::{check_homography, homography_row};
 use crate::parallel;
+use crate::view::buffer;
+use crate::view::{ImageView, ImageViewMut, Sample};
 
 /// What lies beyond the image.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]

@@ -13,12 +13,12 @@ pub use options::{Interpolation, WarpOptions};
 use std::borrow::Cow;
 use std::slice;
 
-use crate::buffer;
 use crate::error::{Error, Result};
-use crate::image::{ImageView, ImageViewMut, RowsMut, Sample};
 use crate::lut::Lut;
 use crate::lut::table::{RunKind, Segment, Table};
 use crate::parallel;
+use crate::view::buffer;
+use crate::view::{ImageView, ImageViewMut, RowsMut, Sample};
 use kernels::{RowKernels, Source};
 
 /// Several images go band by band through bands of at most so many cells: half a megabyte of the table, which a core's

@@ -2,14 +2,14 @@
 //! nothing and of which nearest loses what is thinner than a cell.
 
 use super::{WarpOptions, check};
-use crate::buffer;
 use crate::cpu::Isa;
 use crate::error::{Error, Result};
-use crate::image::{ImageView, ImageViewMut, RowsMut, Sample};
 use crate::lut::Lut;
 use crate::lut::area::{Coordinates, Q, Shape, Sides, check_sides};
 use crate::lut::table::{RunKind, Segment};
 use crate::parallel::{self, check_interrupt};
+use crate::view::buffer;
+use crate::view::{ImageView, ImageViewMut, RowsMut, Sample};
 use crate::warp::kernels::{RowKernels, Source};
 
 /// Ids that an image may have.

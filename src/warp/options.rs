@@ -3,11 +3,11 @@
 use std::borrow::Cow;
 
 use super::kernels::{Bilinear, RowKernels};
-use crate::buffer;
 use crate::cpu::Isa;
 use crate::error::{Error, Result};
-use crate::image::{ImageView, Sample};
 use crate::parallel;
+use crate::view::buffer;
+use crate::view::{ImageView, Sample};
 
 /// How a cell's value is taken from the pixels around its coordinate.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]

@@ -9,11 +9,11 @@ use super::needs::Needs;
 use super::reach::Reaches;
 use super::samples::{BATCH, Samples};
 use super::{Band, BlockRow, Coordinates, Plan, Run};
-use crate::buffer;
 use crate::cpu::Isa;
 use crate::error::{Error, Result};
 use crate::lut::table::Table;
 use crate::parallel;
+use crate::view::buffer;
 
 /// Sources may not be longer or higher: coordinates in 1/1024 pixel fit 31 bits.
 const MAX_SIDE: u32 = 1 << 20;

@@ -22,8 +22,8 @@ use std::fmt;
 use std::ops::Range;
 use std::sync::{Arc, OnceLock};
 
-use crate::buffer;
 use crate::error::Result;
+use crate::view::buffer;
 
 pub(crate) use block::Block;
 use block::Size;

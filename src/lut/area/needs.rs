@@ -3,8 +3,8 @@
 use std::ops::Range;
 
 use super::{Level, Shape};
-use crate::buffer;
 use crate::error::Result;
+use crate::view::buffer;
 
 #[derive(Default)]
 pub(super) struct Needs {

@@ -4,11 +4,11 @@ use std::ops::Range;
 
 use super::Q;
 use super::block::LANES;
-use crate::buffer;
 use crate::cpu::Isa;
 use crate::error::Result;
 use crate::lut::kernels::{Row, for_each_isa, unpack};
 use crate::lut::table::{RunKind, Segment, Table, unframed};
+use crate::view::buffer;
 
 /// The coordinate of a cell without an image.
 pub(super) const OUTSIDE: i32 = i32::MIN;

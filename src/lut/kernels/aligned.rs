@@ -2,8 +2,8 @@
 
 use std::ops::{Deref, DerefMut};
 
-use crate::buffer;
 use crate::error::Result;
+use crate::view::buffer;
 
 /// Bytes of a cache line and of the longest vector.
 const LINE: usize = 64;

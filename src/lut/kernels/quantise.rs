@@ -4,10 +4,10 @@ use std::mem::MaybeUninit;
 use std::ops::Range;
 
 use super::for_each_isa;
-use crate::buffer;
 use crate::cpu::Isa;
 use crate::error::Result;
 use crate::lut::tap::{ONE, RunKind, Tap};
+use crate::view::buffer;
 
 /// The coordinates of a row on a source: `us[i]` and `vs[i]` in pixels, NaN where there is none.
 #[derive(Clone, Copy)]

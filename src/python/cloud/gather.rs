@@ -4,11 +4,11 @@ use numpy::{Element, PyArray1, PyArrayDescrMethods, PyUntypedArray};
 use pyo3::prelude::*;
 
 use super::options::wrong_dtype;
-use crate::buffer;
-use crate::image::Sample;
 use crate::parallel::check_interrupt;
 use crate::python::detached;
 use crate::python::image::ImageArray;
+use crate::view::Sample;
+use crate::view::buffer;
 
 /// Samples that are moved, not computed with, one type for each size.
 macro_rules! by_size {

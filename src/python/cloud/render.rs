@@ -6,9 +6,7 @@ use pyo3::types::PyTuple;
 
 use super::gather::{as_image, by_size};
 use super::options::{self, wrong_dtype};
-use crate::buffer;
 use crate::cloud::{PointSample, RenderOptions, check_points, paint_into, render_points_into};
-use crate::image::Sample;
 use crate::python::arrays;
 use crate::python::camera::PyCamera;
 use crate::python::convert::{float, tuple_text, type_name};
@@ -18,6 +16,8 @@ use crate::python::image::ImageArray;
 use crate::python::layout::Layout;
 use crate::python::options::{BorderValue, thread_count};
 use crate::python::points::PointsArray;
+use crate::view::Sample;
+use crate::view::buffer;
 use crate::{Camera, ImageView};
 
 #[doc = help!("render_points")]

@@ -1,12 +1,12 @@
 //! The footprints of cells, worked out from their taps and plan.
 
-use crate::buffer;
 use crate::cpu::Isa;
 use crate::error::Result;
 use crate::lut::area::block::{LANES, Size};
 use crate::lut::area::{Block, Coordinates, Piece, RowPlan};
 use crate::lut::kernels::for_each_isa;
 use crate::lut::table::{Segment, Table};
+use crate::view::buffer;
 
 /// Footprints of neighbouring cells, an array for each number with an entry for each cell of the row, so that loops over
 /// them become vectors. Arrays go on so far that vectors may begin at any cell; of cells that were not worked out the numbers

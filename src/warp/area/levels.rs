@@ -4,12 +4,12 @@ use std::ops::Range;
 
 use super::average::Average;
 use super::room::Room;
-use crate::buffer;
 use crate::cpu::Isa;
 use crate::error::Result;
-use crate::image::{ImageView, Sample};
 use crate::lut::area::{Level, Plan};
 use crate::parallel;
+use crate::view::buffer;
+use crate::view::{ImageView, Sample};
 
 /// So many rows of a level are made at once.
 const CHUNK_ROWS: usize = 16;

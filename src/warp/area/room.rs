@@ -3,8 +3,8 @@
 use std::mem::MaybeUninit;
 
 use crate::error::{Error, Result};
-use crate::image::Sample;
 use crate::lut::area::Plan;
+use crate::view::Sample;
 
 /// Memory for the levels of an image, lent by a plan.
 ///

@@ -3,13 +3,13 @@
 //! ones that are larger by half the range.
 
 use super::{Average, warp};
-use crate::buffer;
 use crate::cpu::{self, Body, Isa};
 use crate::error::Result;
-use crate::half::F16;
-use crate::image::{ImageView, ImageViewMut, Sample};
 use crate::lut::Lut;
 use crate::parallel::{self, check_interrupt};
+use crate::view::F16;
+use crate::view::buffer;
+use crate::view::{ImageView, ImageViewMut, Sample};
 use crate::warp::WarpOptions;
 use crate::warp::kernels::Bilinear;
 

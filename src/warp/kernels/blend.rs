@@ -6,9 +6,9 @@
 use super::{ProbesKernel, RowKernel, special};
 use crate::cpu::Isa;
 use crate::error::Result;
-use crate::half::F16;
-use crate::image::{ImageViewMut, Sample};
 use crate::lut::table::ONE;
+use crate::view::F16;
+use crate::view::{ImageViewMut, Sample};
 use crate::warp::area::Area;
 use crate::warp::direct::{self, Direct};
 

@@ -36,10 +36,10 @@ pub(crate) use blend::sealed;
 pub(crate) use places::{Exact, ExactBlend, ExactKernels, Float};
 
 use crate::cpu::Isa;
-use crate::image::{ImageView, Sample, as_bytes, as_bytes_mut};
 use crate::lut::area::Block;
 use crate::lut::area::block::Size;
 use crate::lut::table::Tap;
+use crate::view::{ImageView, Sample, as_bytes, as_bytes_mut};
 
 /// What a kernel reads: the image and the border value of each channel.
 pub(crate) struct Source<'a, T> {

@@ -107,7 +107,7 @@ pub(crate) trait ExactBlend<F: Float>: Bilinear + Blend<Weights = (F, F)> {
     fn exact(isa: Isa, channels: usize) -> Option<ExactKernel<Self, F>>;
 }
 
-impl ExactBlend<f32> for crate::half::F16 {
+impl ExactBlend<f32> for crate::view::F16 {
     fn exact(isa: Isa, channels: usize) -> Option<ExactKernel<Self, f32>> {
         special::compiled_exact(isa, channels)
     }

@@ -1,7 +1,7 @@
 //! An image as plain bytes, for kernels that load more than the four pixels of a tap at once.
 
 use super::Source;
-use crate::image::{Sample, as_bytes};
+use crate::view::{Sample, as_bytes};
 
 /// The bytes of an image and how to find a tap's pixels among them. Positions are byte indices below 2^31, so that they
 /// fit the 32-bit lanes of every instruction set.

@@ -2,9 +2,9 @@
 
 use super::places::Places;
 use super::{Bilinear, Source, sealed::Blend};
-use crate::image::Sample;
 use crate::lut::kernels::Fraction;
 use crate::lut::table::{Tap, unframed};
+use crate::view::Sample;
 
 /// Samples of a pixel: the constant where the kernel was compiled for one, else the source's (`CHANNELS == 0`).
 #[inline(always)]

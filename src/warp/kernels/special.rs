@@ -8,7 +8,7 @@ use super::{Bilinear, ExactKernel, ProbesKernel, RowKernel, Source, scalar};
 #[cfg(target_arch = "x86_64")]
 use super::{avx2, avx512};
 use crate::cpu::{self, Body, Isa};
-use crate::image::Sample;
+use crate::view::Sample;
 
 /// A kernel of an instruction set as an ordinary function.
 macro_rules! kernel {

@@ -1,6 +1,6 @@
 //! The oracle of the tests: the warp written for obviousness, in float64, cell by cell, without table or kernels.
 
-use crate::image::ImageView;
+use crate::view::ImageView;
 use crate::warp::Interpolation;
 
 /// One output cell: its value in each channel, exact but for float64, and whether it is valid.

@@ -18,8 +18,8 @@ use std::arch::x86_64::*;
 
 use super::Source;
 use super::plane::Plane;
-use crate::image::{ImageView, Sample, as_bytes};
 use crate::lut::table::Tap;
+use crate::view::{ImageView, Sample, as_bytes};
 
 /// The taps of sixteen cells, offsets and fractions apart.
 struct Group {

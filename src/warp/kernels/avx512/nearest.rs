@@ -8,8 +8,8 @@
 use std::arch::x86_64::*;
 
 use super::{Group, all_within, window};
-use crate::image::{Sample, as_bytes_mut};
 use crate::lut::table::Tap;
+use crate::view::{Sample, as_bytes_mut};
 use crate::warp::kernels::plane::Plane;
 use crate::warp::kernels::{Source, scalar};
 

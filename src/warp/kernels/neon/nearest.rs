@@ -3,8 +3,8 @@
 use std::arch::aarch64::*;
 
 use super::{Four, in_groups};
-use crate::image::{Sample, as_bytes_mut};
 use crate::lut::table::Tap;
+use crate::view::{Sample, as_bytes_mut};
 use crate::warp::kernels::plane::Plane;
 use crate::warp::kernels::{Source, scalar};
 

@@ -3,7 +3,7 @@
 use std::marker::PhantomData;
 
 use crate::error::{Error, Result};
-use crate::half::F16;
+use crate::view::F16;
 
 /// A number that an image may consist of.
 pub trait Sample: Copy + Default + Send + Sync + sealed::Plain {}

@@ -1,6 +1,6 @@
 //! The numbers of points, values and layers.
 
-use crate::buffer::Zeroable;
+use crate::view::buffer::Zeroable;
 
 /// Numbers of points and layers: f32 and f64.
 #[expect(private_bounds, reason = "nobody else makes numbers")]

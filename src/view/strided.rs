@@ -64,7 +64,7 @@ impl<'a, T: Copy> Strided<'a, T> {
     }
 
     /// One column of it, as a table.
-    pub(super) fn column(&self, column: usize) -> Self {
+    pub(crate) fn column(&self, column: usize) -> Self {
         assert!(column < self.columns);
         let start = self.start.wrapping_add_signed(column as isize * self.column_stride);
         Self { columns: 1, start, ..*self }
@@ -72,14 +72,14 @@ impl<'a, T: Copy> Strided<'a, T> {
 
     /// Number (row, column).
     #[inline]
-    pub(super) fn get(&self, row: usize, column: usize) -> T {
+    pub(crate) fn get(&self, row: usize, column: usize) -> T {
         let offset = row as isize * self.row_stride + column as isize * self.column_stride;
         self.data[self.start.wrapping_add_signed(offset)]
     }
 
     /// Asks for the memory of rows that will be needed soon.
     #[inline]
-    pub(super) fn prefetch(&self, first: usize, count: usize) {
+    pub(crate) fn prefetch(&self, first: usize, count: usize) {
         const LINE: usize = 64;
         if self.row_stride <= 0 {
             return;
@@ -87,13 +87,13 @@ impl<'a, T: Copy> Strided<'a, T> {
         let (stride, line) = (self.row_stride as usize, (LINE / size_of::<T>()).max(self.row_stride as usize));
         let start = self.start + first * stride;
         for index in (start..start + count * stride).step_by(line) {
-            super::kernels::prefetch(self.data, index);
+            super::prefetch(self.data, index);
         }
     }
 
     /// The rows from `first` on as arrays of `K` adjacent numbers, where there are no gaps and that is what they are.
     #[inline]
-    pub(super) fn packed<const K: usize>(&self, first: usize, count: usize) -> Option<&'a [[T; K]]> {
+    pub(crate) fn packed<const K: usize>(&self, first: usize, count: usize) -> Option<&'a [[T; K]]> {
         if self.row_stride != K as isize || self.column_stride != 1 || self.columns > K || count == 0 {
             return None;
         }

@@ -76,7 +76,7 @@ impl<'a, T> PointsView<'a, T> {
 
     /// Points `first..first + count` as an array of arrays, where they lie so: `S` numbers from one to the next, of the
     /// last one too.
-    pub(super) fn chunks<const S: usize>(&self, first: usize, count: usize) -> Option<&'a [[T; S]]> {
+    pub(crate) fn chunks<const S: usize>(&self, first: usize, count: usize) -> Option<&'a [[T; S]]> {
         if self.stride != S as isize || self.columns > S {
             return None;
         }

@@ -1,6 +1,6 @@
 //! The numbers that depth and points come in.
 
-use crate::image::Sample;
+use crate::view::Sample;
 
 /// A number that a depth image may consist of: `u16`, `f32` and `f64`.
 pub trait DepthSample: Sample + sealed::Real {}
@@ -20,7 +20,7 @@ mod sealed {
     }
 }
 
-pub(super) use sealed::{Coordinate, Real};
+pub(crate) use sealed::{Coordinate, Real};
 
 macro_rules! depths {
     ($($number:ty),*) => {$(
