@@ -21,13 +21,13 @@ from pathlib import Path
 # What the kernels of a module must hold, by name of the module: patterns of an instruction with its operands.
 # Which of `vpermi2b` and `vpermt2b` it is, and similar choices, are the compiler's.
 X86_64 = {
-    "warp::kernels::avx512::bytes": ["vpdpbusd .*zmm", "vperm[it]2b .*zmm", "vpmulhrsw .*zmm"],
-    "warp::kernels::avx512::floats": ["vmulps .*zmm", "vsubps .*zmm", "vcvtdq2ps .*zmm"],
-    "warp::kernels::avx512::boxes": ["vperm[it]2b .*zmm", "vpavgb .*zmm"],
-    "warp::kernels::avx512::nearest": ["vperm[it]2[bd] .*zmm"],
-    "warp::kernels::avx2::bytes": ["vpmaddwd .*ymm", "vpshufb .*ymm", "vpmulhrsw .*[xy]mm"],
-    "warp::kernels::avx2::floats": ["vmulps .*ymm", "vsubps .*ymm", "vcvtdq2ps .*ymm"],
-    "warp::kernels::avx2::nearest": ["vpaddd .*ymm"],
+    "kernels::avx512::bytes": ["vpdpbusd .*zmm", "vperm[it]2b .*zmm", "vpmulhrsw .*zmm"],
+    "kernels::avx512::floats": ["vmulps .*zmm", "vsubps .*zmm", "vcvtdq2ps .*zmm"],
+    "kernels::avx512::boxes": ["vperm[it]2b .*zmm", "vpavgb .*zmm"],
+    "kernels::avx512::nearest": ["vperm[it]2[bd] .*zmm"],
+    "kernels::avx2::bytes": ["vpmaddwd .*ymm", "vpshufb .*ymm", "vpmulhrsw .*[xy]mm"],
+    "kernels::avx2::floats": ["vmulps .*ymm", "vsubps .*ymm", "vcvtdq2ps .*ymm"],
+    "kernels::avx2::nearest": ["vpaddd .*ymm"],
     "quantise_inside::avx512": ["vaddpd .*zmm", "vpmultishiftqb .*zmm"],
     "quantise_inside::avx2": ["vaddpd .*ymm", "vpsrlq .*ymm"],
     "fill::avx512": ["vdivpd .*zmm"],
@@ -53,10 +53,10 @@ BEYOND_SSE2 = re.compile(
 )
 # The contract of the float kernels: nothing fused, or their answers would differ from the scalar ones.
 FUSED = re.compile(r"vfn?m(add|sub)")
-UNFUSED = re.compile(r"warp::kernels::|kernels::bent::|cpu::run::")
+UNFUSED = re.compile(r"ipm_rs::kernels::|build::bent::|cpu::run::")
 
 # Ordinary code that must be among what was looked at, or looking proves nothing.
-BASELINE = ["warp::kernels::scalar::bilinear", "geometry::", "python::"]
+BASELINE = ["kernels::scalar::bilinear", "geometry::", "python::"]
 
 
 @dataclass

@@ -140,6 +140,33 @@ pub(crate) fn run<B: Body>(isa: Isa, body: B) -> B::Output {
     }
 }
 
+/// Compiles a function once for each instruction set, and calls the one that `isa` names: its body for scalar (and for
+/// those that the compiler always has, as NEON), for AVX2 and for AVX-512.
+macro_rules! for_each_isa {
+    ($isa:expr, ($scalar:expr, $avx2:expr, $avx512:expr)($($name:ident: $type:ty),* $(,)?)) => {{
+        #[cfg(target_arch = "x86_64")]
+        #[target_feature(enable = "avx2")]
+        fn avx2($($name: $type),*) {
+            $avx2($($name),*)
+        }
+        #[cfg(target_arch = "x86_64")]
+        #[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512vbmi,avx512vnni")]
+        fn avx512($($name: $type),*) {
+            $avx512($($name),*)
+        }
+        match $isa {
+            #[cfg(target_arch = "x86_64")]
+            // SAFETY: an `Isa` other than scalar is only made where `Isa::is_supported` found what it needs.
+            $crate::cpu::Isa::Avx2 => unsafe { avx2($($name),*) },
+            #[cfg(target_arch = "x86_64")]
+            // SAFETY: as above.
+            $crate::cpu::Isa::Avx512 => unsafe { avx512($($name),*) },
+            _ => $scalar($($name),*),
+        }
+    }};
+}
+pub(crate) use for_each_isa;
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -27,11 +27,13 @@ mod finding;
 pub mod geometry;
 mod grid;
 mod ground;
+mod kernels;
 mod lut;
 mod parallel;
 #[cfg(feature = "python")]
 mod python;
 pub mod raster;
+mod table;
 pub mod view;
 pub mod warp;
 

@@ -2,14 +2,16 @@
 
 use nalgebra::Matrix3;
 
-use super::kernels::{ProjectiveRow, Row};
-use super::{Lut, table::Table};
+use super::Lut;
+use super::build::ProjectiveRow;
 use crate::camera::{Camera, Projection, check_image_size};
 use crate::cpu::Isa;
 use crate::error::{Error, Result};
 use crate::geometry::homography_from_points;
 use crate::grid::BevGrid;
 use crate::ground::Ground;
+use crate::kernels::Row;
+use crate::table::Table;
 
 impl Camera {
     /// Where a table of this camera, grid and road samples the image for a cell (row, column), whole at the samples;

@@ -1,9 +1,9 @@
 //! A table as plain arrays: the mask, and maps for `cv2.remap`.
 
 use super::Lut;
-use super::table::{ONE, RunKind, Tap, unframed};
 use crate::error::Result;
 use crate::parallel::check_interrupt;
+use crate::table::{ONE, RunKind, Tap, unframed};
 use crate::view::buffer;
 
 impl Lut {

@@ -4,19 +4,13 @@ pub(crate) mod area;
 mod build;
 mod cells;
 mod density;
-mod io;
-pub(crate) mod kernels;
 mod maps;
 mod plausibility;
-mod surface;
-pub(crate) mod table;
-pub(crate) mod tap;
-mod window;
 
 use crate::cpu::Isa;
 use crate::error::Result;
+use crate::table::Table;
 pub(crate) use build::{check_homography, homography_row};
-use table::Table;
 
 /// For every cell of an output grid, where on a source image it samples: immutable, comparable, cheap to share.
 ///
@@ -24,7 +18,7 @@ use table::Table;
 /// [`Lut::warp_into`](crate::Lut::warp_into).
 #[derive(Clone, PartialEq)]
 pub struct Lut {
-    table: Table,
+    pub(crate) table: Table,
 }
 
 impl Lut {

@@ -4,18 +4,17 @@ use std::slice;
 
 use nalgebra::Matrix3;
 
-use super::kernels::{ExactBlend, ExactKernels, Float, RowKernels, Source};
 use super::{Bilinear, Interpolation, WarpOptions, warp_segments};
 use crate::camera::check_image_size;
 use crate::cpu::Isa;
 use crate::error::{Error, Result};
 use crate::grid::check_cells;
-use crate::lut::kernels::{Kinds, Row, Sampled, widen};
-use crate::lut::table::{RowRuns, RunKind, Tap};
+use crate::kernels::{ExactBlend, ExactKernels, Float, RowKernels, Source};
+use crate::kernels::{Kinds, Row, Sampled, widen};
 use crate::lut::{check_homography, homography_row};
 use crate::parallel;
-use crate::view::buffer;
-use crate::view::{ImageView, ImageViewMut, Sample};
+use crate::table::{RowRuns, RunKind, Tap};
+use crate::view::{ImageView, ImageViewMut, Sample, buffer};
 
 /// What lies beyond the image.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
@@ -145,12 +144,12 @@ pub(crate) struct Direct<'a, T> {
 }
 
 /// Bilinear with fractions as a table has them.
-pub(super) fn quantised<T: Bilinear>(warp: &Direct<'_, T>, out: &mut ImageViewMut<'_, T>) -> Result<()> {
+pub(crate) fn quantised<T: Bilinear>(warp: &Direct<'_, T>, out: &mut ImageViewMut<'_, T>) -> Result<()> {
     by_taps(warp, out, &warp.options.kernels(slice::from_ref(warp.image))?)
 }
 
 /// Bilinear of floats, with fractions as exact as `F` holds them.
-pub(super) fn exact<T: ExactBlend<F>, F: Float>(warp: &Direct<'_, T>, out: &mut ImageViewMut<'_, T>) -> Result<()> {
+pub(crate) fn exact<T: ExactBlend<F>, F: Float>(warp: &Direct<'_, T>, out: &mut ImageViewMut<'_, T>) -> Result<()> {
     let (isa, image) = (warp.options.isa()?, warp.image);
     let kernels = ExactKernels::<T, F>::new(isa, image.channels(), image.is_contiguous());
     run(

@@ -2,24 +2,22 @@
 
 pub(crate) mod area;
 pub mod direct;
-pub(crate) mod kernels;
 mod mode;
 mod options;
 pub mod reference;
 
-pub use kernels::Bilinear;
+pub use crate::kernels::Bilinear;
 pub use options::{Interpolation, WarpOptions};
 
 use std::borrow::Cow;
 use std::slice;
 
 use crate::error::{Error, Result};
+use crate::kernels::{RowKernels, Source};
 use crate::lut::Lut;
-use crate::lut::table::{RunKind, Segment, Table};
 use crate::parallel;
-use crate::view::buffer;
-use crate::view::{ImageView, ImageViewMut, RowsMut, Sample};
-use kernels::{RowKernels, Source};
+use crate::table::{RunKind, Segment, Table};
+use crate::view::{ImageView, ImageViewMut, RowsMut, Sample, buffer};
 
 /// Several images go band by band through bands of at most so many cells: half a megabyte of the table, which a core's
 /// cache holds meanwhile. Six images through a table of 32 MB took 1.3 times as long one after the other; where the

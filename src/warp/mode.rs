@@ -4,13 +4,13 @@
 use super::{WarpOptions, check};
 use crate::cpu::Isa;
 use crate::error::{Error, Result};
+use crate::kernels::{RowKernels, Source};
 use crate::lut::Lut;
 use crate::lut::area::{Coordinates, Q, Shape, Sides, check_sides};
-use crate::lut::table::{RunKind, Segment};
 use crate::parallel::{self, check_interrupt};
+use crate::table::{RunKind, Segment};
 use crate::view::buffer;
 use crate::view::{ImageView, ImageViewMut, RowsMut, Sample};
-use crate::warp::kernels::{RowKernels, Source};
 
 /// Ids that an image may have.
 const MAX_IDS: usize = 256;

@@ -2,9 +2,9 @@
 
 use std::borrow::Cow;
 
-use super::kernels::{Bilinear, RowKernels};
 use crate::cpu::Isa;
 use crate::error::{Error, Result};
+use crate::kernels::{Bilinear, RowKernels};
 use crate::parallel;
 use crate::view::buffer;
 use crate::view::{ImageView, Sample};

@@ -40,9 +40,8 @@ def test_only_one_file_asks_the_cpu():
 def test_the_page_about_kernels_lists_their_files():
     """The tree of docs/simd.md: each folder with its files, `mod.rs` and tests apart."""
     tree = re.search(r"^```text\n(.*?)^```", read("docs/simd.md"), re.MULTILINE | re.DOTALL)[1]
-    for folder in (ROOT / "src/warp/kernels", ROOT / "src/lut/kernels"):
-        for path in sorted(folder.rglob("*.rs")):
-            assert re.search(rf"\b{path.stem}\b", tree), f"{path.relative_to(ROOT)} is not in the tree"
+    for path in sorted((ROOT / "src/kernels").rglob("*.rs")):
+        assert re.search(rf"\b{path.stem}\b", tree), f"{path.relative_to(ROOT)} is not in the tree"
     listed = set(re.findall(r"\b(\w+)\.rs\b", tree))
     assert listed <= {path.stem for path in RUST}
 

@@ -11,8 +11,8 @@ use super::samples::{BATCH, Samples};
 use super::{Band, BlockRow, Coordinates, Plan, Run};
 use crate::cpu::Isa;
 use crate::error::{Error, Result};
-use crate::lut::table::Table;
 use crate::parallel;
+use crate::table::Table;
 use crate::view::buffer;
 
 /// Sources may not be longer or higher: coordinates in 1/1024 pixel fit 31 bits.

@@ -5,8 +5,9 @@ use std::ops::Range;
 use super::block::{LANES, Size, lanes};
 use super::rows::{Coordinates, OUTSIDE};
 use crate::cpu::Isa;
+use crate::cpu::for_each_isa;
 use crate::error::Result;
-use crate::lut::kernels::{Row, for_each_isa};
+use crate::kernels::Row;
 
 /// Of a row of blocks the least and the greatest coordinates of each column, of x and of y. Column by column, so that vectors
 /// hold sixteen columns whatever the blocks are: a third of the time of block by block, for 10 cm cells.

@@ -6,7 +6,7 @@ use super::samples::{BATCH, Fours, NODES, Samples};
 use super::shape::{Shape, choose, larger, largest_logs, smaller, steepness};
 use super::stretch::Stretches;
 use crate::cpu::Isa;
-use crate::lut::kernels::for_each_isa;
+use crate::cpu::for_each_isa;
 
 /// Decides on up to [`BATCH`] blocks of this size that look at a source of this one.
 pub(super) fn decide(isa: Isa, source: (u32, u32), size: Size, samples: &Samples, fitted: &mut Fitted) {

@@ -8,7 +8,7 @@ use super::fit::Fitted;
 use super::samples::BATCH;
 use super::{Level, Q, Shape};
 use crate::cpu::Isa;
-use crate::lut::kernels::for_each_isa;
+use crate::cpu::for_each_isa;
 
 /// The entries of their levels that the probes of neighbouring blocks touch. Nothing is told of blocks that are bilinear.
 #[derive(Debug, Default, Clone)]

@@ -5,9 +5,10 @@ use std::ops::Range;
 use super::Q;
 use super::block::LANES;
 use crate::cpu::Isa;
+use crate::cpu::for_each_isa;
 use crate::error::Result;
-use crate::lut::kernels::{Row, for_each_isa, unpack};
-use crate::lut::table::{RunKind, Segment, Table, unframed};
+use crate::kernels::{Row, unpack};
+use crate::table::{RunKind, Segment, Table, unframed};
 use crate::view::buffer;
 
 /// The coordinate of a cell without an image.

@@ -6,7 +6,7 @@ use super::block::{LANES, Size};
 use super::rows::{Coordinates, slope};
 use super::shape::{larger, smaller};
 use crate::cpu::Isa;
-use crate::lut::kernels::for_each_isa;
+use crate::cpu::for_each_isa;
 
 /// So many blocks at once, for vectors.
 pub(super) const BATCH: usize = 16;

@@ -1,7 +1,7 @@
 //! How a footprint is averaged: which lattice of probes, over which boxes.
 
 use crate::cpu::Isa;
-use crate::lut::kernels::for_each_isa;
+use crate::cpu::for_each_isa;
 
 /// Sides of a lattice have at most so many probes.
 const MAX_PROBES: f32 = 16.0;

@@ -3,7 +3,7 @@
 use super::samples::BATCH;
 use super::shape::{larger, power, smaller};
 use crate::cpu::Isa;
-use crate::lut::kernels::for_each_isa;
+use crate::cpu::for_each_isa;
 
 /// What footprints are multiplied with: (x, y) becomes `(xx x, yx x + yy y)`.
 pub(super) struct Stretches {

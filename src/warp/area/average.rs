@@ -2,7 +2,7 @@
 
 use super::pairs::Pairs;
 use crate::cpu::Isa;
-use crate::lut::kernels::for_each_isa;
+use crate::cpu::for_each_isa;
 
 /// A sample of which averages can be taken. All instruction sets run the same plain loops, so they agree to the last
 /// bit.

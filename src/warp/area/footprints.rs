@@ -1,11 +1,11 @@
 //! The footprints of cells, worked out from their taps and plan.
 
 use crate::cpu::Isa;
+use crate::cpu::for_each_isa;
 use crate::error::Result;
 use crate::lut::area::block::{LANES, Size};
 use crate::lut::area::{Block, Coordinates, Piece, RowPlan};
-use crate::lut::kernels::for_each_isa;
-use crate::lut::table::{Segment, Table};
+use crate::table::{Segment, Table};
 use crate::view::buffer;
 
 /// Footprints of neighbouring cells, an array for each number with an entry for each cell of the row, so that loops over

@@ -18,14 +18,14 @@ use std::slice;
 pub(crate) use average::Average;
 
 use super::WarpOptions;
-use super::kernels::{Bilinear, ProbesKernel, RowKernels, Source, sealed::Blend};
 use crate::cpu::Isa;
 use crate::error::Result;
+use crate::kernels::{Bilinear, ProbesKernel, RowKernels, Source, sealed::Blend};
 use crate::lut::Lut;
 use crate::lut::area::block::LANES;
 use crate::lut::area::{Piece, Plan, RowPlan, Shape, leaves};
-use crate::lut::table::{RunKind, Segment, Tap};
 use crate::parallel;
+use crate::table::{RunKind, Segment, Tap};
 use crate::view::F16;
 use crate::view::buffer;
 use crate::view::{ImageView, ImageViewMut, RowsMut};

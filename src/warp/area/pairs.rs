@@ -5,7 +5,7 @@
 
 use crate::cpu::Isa;
 #[cfg(target_arch = "x86_64")]
-use crate::warp::kernels::boxes_u8;
+use crate::kernels::boxes_u8;
 
 /// Samples of which an instruction set may average whole vectors.
 pub(super) trait Pairs: Sized {

@@ -2,10 +2,10 @@
 
 use super::footprints::Footprints;
 use crate::cpu::Isa;
+use crate::cpu::for_each_isa;
+use crate::kernels::Probes;
 use crate::lut::area::{Level, Piece, Q, RowPlan, Shape};
-use crate::lut::kernels::for_each_isa;
-use crate::lut::table::Tap;
-use crate::warp::kernels::Probes;
+use crate::table::Tap;
 
 /// How the taps of a piece's probes follow from its footprints.
 #[derive(Clone, Copy)]

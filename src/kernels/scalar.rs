@@ -1,0 +1,117 @@
+//! The kernels in plain Rust: the definition that every other instruction set is tested against with `==`.
+
+use super::places::Places;
+use super::{Bilinear, Source, sealed::Blend};
+use crate::kernels::Fraction;
+use crate::table::{Tap, unframed};
+use crate::view::Sample;
+
+/// Samples of a pixel: the constant where the kernel was compiled for one, else the source's (`CHANNELS == 0`).
+#[inline(always)]
+fn channels<T: Sample, const CHANNELS: usize>(source: &Source<'_, T>) -> usize {
+    if CHANNELS == 0 { source.channels() } else { CHANNELS }
+}
+
+/// Index of the first sample of the pixel at `y * width + x`. A contiguous image needs no division.
+#[inline(always)]
+fn sample<T: Sample, const CHANNELS: usize, const CONTIGUOUS: bool>(source: &Source<'_, T>, offset: u32) -> usize {
+    let offset = offset as usize;
+    if CONTIGUOUS {
+        return offset * channels::<T, CHANNELS>(source);
+    }
+    let (y, x) = (offset / source.image.width(), offset % source.image.width());
+    source.image.row_start(y) + x * channels::<T, CHANNELS>(source)
+}
+
+/// Cells whose four pixels exist: the nearest of them.
+pub(super) fn nearest<T: Sample, const CHANNELS: usize, const CONTIGUOUS: bool>(
+    source: &Source<'_, T>,
+    taps: &[Tap],
+    cells: &mut [T],
+) {
+    let channels = channels::<T, CHANNELS>(source);
+    let (data, width) = (source.image.data(), source.image.width() as u32);
+    for (tap, cell) in taps.iter().zip(cells.chunks_exact_mut(channels)) {
+        let offset = tap.offset + tap.step_x() + tap.step_y() * width;
+        let from = sample::<T, CHANNELS, CONTIGUOUS>(source, offset);
+        cell.copy_from_slice(&data[from..from + channels]);
+    }
+}
+
+/// Cells on the rim and in the halo: the nearest pixel if it exists.
+pub(super) fn nearest_edge<T: Sample, const CHANNELS: usize>(source: &Source<'_, T>, taps: &[Tap], cells: &mut [T]) {
+    for (tap, cell) in taps.iter().zip(cells.chunks_exact_mut(channels::<T, CHANNELS>(source))) {
+        let (x, y) = unframed(tap.offset, source.image.width() as u32);
+        cell.copy_from_slice(source.pixel_or_border(x + i64::from(tap.step_x()), y + i64::from(tap.step_y())));
+    }
+}
+
+/// Cells whose four pixels exist: their blend.
+pub(super) fn bilinear<T: Bilinear, P: Places<T>, const CHANNELS: usize, const CONTIGUOUS: bool>(
+    source: &Source<'_, T>,
+    places: P,
+    cells: &mut [T],
+) {
+    blend_cells::<T, P, CHANNELS, CONTIGUOUS>(source, places, cells);
+}
+
+/// [`bilinear`], in the caller's instruction set.
+#[inline(always)]
+pub(super) fn blend_cells<T: Bilinear, P: Places<T>, const CHANNELS: usize, const CONTIGUOUS: bool>(
+    source: &Source<'_, T>,
+    places: P,
+    cells: &mut [T],
+) {
+    let channels = channels::<T, CHANNELS>(source);
+    let (data, width) = (source.image.data(), source.image.width() as u32);
+    for ((index, tap), cell) in places.taps().iter().enumerate().zip(cells.chunks_exact_mut(channels)) {
+        let weights = places.weights(index);
+        let from = sample::<T, CHANNELS, CONTIGUOUS>(source, tap.offset);
+        let below = sample::<T, CHANNELS, CONTIGUOUS>(source, tap.offset + width);
+        let (top, bottom) = (&data[from..from + 2 * channels], &data[below..below + 2 * channels]);
+        for (channel, value) in cell.iter_mut().enumerate() {
+            let right = channel + channels;
+            *value = T::blend(weights, [top[channel], top[right], bottom[channel], bottom[right]]);
+        }
+    }
+}
+
+/// Cells on the rim and in the halo: missing pixels count as the border value. A pixel without weight is not looked
+/// at, so that a NaN border does not reach valid cells on the last column.
+pub(super) fn bilinear_edge<T: Bilinear, const CHANNELS: usize>(source: &Source<'_, T>, taps: &[Tap], cells: &mut [T]) {
+    for (tap, cell) in taps.iter().zip(cells.chunks_exact_mut(channels::<T, CHANNELS>(source))) {
+        let weights = T::weights(tap.fx(), tap.fy());
+        let at = unframed(tap.offset, source.image.width() as u32);
+        blend_edge(source, at, [tap.fx() != 0, tap.fy() != 0], weights, cell);
+    }
+}
+
+/// The same from exact coordinates, which are above -1.
+pub(super) fn exact_edge<F: Fraction, T: Bilinear + Blend<Weights = (F, F)>>(
+    source: &Source<'_, T>,
+    [us, vs]: [&[f64]; 2],
+    cells: &mut [T],
+) {
+    let axis = |coordinate: f64| (coordinate.floor() as i64, F::of(coordinate - coordinate.floor()));
+    for ((&u, &v), cell) in us.iter().zip(vs).zip(cells.chunks_exact_mut(source.channels())) {
+        let ((x, fx), (y, fy)) = (axis(u), axis(v));
+        blend_edge(source, (x, y), [fx, fy].map(|fraction| fraction != F::default()), (fx, fy), cell);
+    }
+}
+
+/// One cell whose top-left pixel is at `(x, y)`; `beyond` tells whether it has a part in the next column and row.
+#[inline(always)]
+fn blend_edge<T: Bilinear>(
+    source: &Source<'_, T>,
+    (x, y): (i64, i64),
+    beyond: [bool; 2],
+    weights: T::Weights,
+    cell: &mut [T],
+) {
+    let (right, below) = (x + i64::from(beyond[0]), y + i64::from(beyond[1]));
+    let pixels =
+        [(x, y), (right, y), (x, below), (right, below)].map(|(x, y)| &source.pixel_or_border(x, y)[..cell.len()]);
+    for (channel, value) in cell.iter_mut().enumerate() {
+        *value = T::blend(weights, pixels.map(|pixel| pixel[channel]));
+    }
+}

@@ -1,0 +1,236 @@
+//! A table as bytes and back, for pickles. Little-endian:
+//! magic (8), checksum of what follows (8), rows, columns, width, height, runs, taps (`u32` each), then how many runs each row has (`u32`), all runs (`u16`), the taps of all cells but those outside
+//! (offset `u32`, x `u16`, y `u16`).
+
+use std::mem::MaybeUninit;
+
+use super::{RowEnd, RowRuns, Run, RunKind, Table, Tap, band_rows, unframed};
+use crate::camera::check_image_size;
+use crate::error::{Error, Result};
+use crate::grid::check_cells;
+use crate::lut::Lut;
+use crate::parallel::check_interrupt;
+use crate::view::buffer;
+
+const MAGIC: &[u8; 8] = b"ipm_rs\x00\x02";
+
+impl Lut {
+    /// The table as bytes, the same on every machine.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`] and [`Error::Interrupted`].
+    pub fn to_bytes(&self) -> Result<Vec<u8>> {
+        let Table { columns, source, bands, .. } = &self.table;
+        let seeing = || (0..self.rows()).flat_map(|row| self.table.row(row)).filter(|s| s.kind != RunKind::Outside);
+        let runs: usize = bands.iter().map(|band| band.runs.len()).sum();
+        let taps: usize = seeing().map(|segment| segment.taps.len()).sum();
+        let mut bytes = buffer::reserved("Lut", self.nbytes() + 64)?;
+        bytes.extend_from_slice(MAGIC);
+        bytes.extend_from_slice(&[0; 8]);
+        for number in [self.rows() as u32, *columns as u32, source.0, source.1, runs as u32, taps as u32] {
+            bytes.extend_from_slice(&number.to_le_bytes());
+        }
+        for band in bands {
+            let begins = std::iter::once(0).chain(band.ends.iter().map(|end| end.run));
+            for (begin, end) in begins.zip(&band.ends) {
+                bytes.extend_from_slice(&(end.run - begin).to_le_bytes());
+            }
+        }
+        for run in bands.iter().flat_map(|band| &band.runs) {
+            bytes.extend_from_slice(&run.0.to_le_bytes());
+        }
+        for row in 0..self.rows() {
+            check_interrupt()?;
+            let seeing = self.table.row(row).filter(|segment| segment.kind != RunKind::Outside);
+            for tap in seeing.flat_map(|segment| segment.taps) {
+                bytes.extend_from_slice(&tap.offset.to_le_bytes());
+                bytes.extend_from_slice(&tap.x.to_le_bytes());
+                bytes.extend_from_slice(&tap.y.to_le_bytes());
+            }
+        }
+        let sum = checksum(&bytes[16..]);
+        bytes[8..16].copy_from_slice(&sum.to_le_bytes());
+        Ok(bytes)
+    }
+
+    /// A table from [`Lut::to_bytes`]. Every bound that the kernels rely on is proved again, so that no bytes, however
+    /// damaged or forged, make a warp read outside an image.
+    ///
+    /// # Errors
+    /// [`Error::DamagedTable`], and [`Error::OutOfMemory`].
+    pub fn from_bytes(bytes: &[u8]) -> Result<Self> {
+        let body = bytes.strip_prefix(MAGIC).ok_or(damaged("no table of this version begins so"))?;
+        let (sum, body) = body.split_first_chunk::<8>().ok_or(damaged("the checksum is cut short"))?;
+        if u64::from_le_bytes(*sum) != checksum(body) {
+            return Err(damaged("its checksum does not fit"));
+        }
+        let (header, body) = body.split_first_chunk::<24>().ok_or(damaged("the header is cut short"))?;
+        let number = |index: usize| le_u32(&header[4 * index..]);
+        let (rows, columns) = (number(0) as usize, number(1) as usize);
+        let source = check_image_size("source_size", number(2).into(), number(3).into())
+            .map_err(|_| damaged("its source size is impossible"))?;
+        let (runs, taps) = (number(4) as usize, number(5) as usize);
+        if rows == 0 || columns == 0 || check_cells("Lut", rows as f64, columns as f64).is_err() {
+            return Err(damaged("its shape is impossible"));
+        }
+        // u64: none of these can overflow, and nothing is allocated before the length is known to be right
+        let length = 4 * rows as u64 + 2 * runs as u64 + 8 * taps as u64;
+        if body.len() as u64 != length {
+            return Err(damaged("its length does not fit its header"));
+        }
+        let (counts, body) = body.split_at(4 * rows);
+        let (run_bytes, tap_bytes) = body.split_at(2 * runs);
+        let mut table = Table::empty((rows, columns), source)?;
+        let mut reader = Reader { runs: run_bytes, taps: tap_bytes, source };
+        for ((band, taps), counts) in table.bands_mut().zip(counts.chunks(4 * band_rows(columns))) {
+            let mut next = 0;
+            for runs in counts.chunks_exact(4).map(le_u32) {
+                check_interrupt()?;
+                next += reader.read_row(runs as usize, columns, &mut taps[next..], band)?;
+                let end = RowEnd { run: band.runs.len() as u32, tap: next as u32 };
+                buffer::push("Lut", &mut band.ends, end)?;
+            }
+        }
+        if !reader.runs.is_empty() || !reader.taps.is_empty() {
+            return Err(damaged("its rows do not fit its header"));
+        }
+        Ok(Self { table })
+    }
+}
+
+fn damaged(problem: &'static str) -> Error {
+    Error::DamagedTable { problem }
+}
+
+/// What is left of a table's bytes.
+struct Reader<'a> {
+    runs: &'a [u8],
+    taps: &'a [u8],
+    source: (u32, u32),
+}
+
+impl Reader<'_> {
+    /// Takes the next row of so many runs, proves what [`Table`] promises of it, and returns how many taps it has; they go
+    /// to the start of `taps`, which has room for one for each cell.
+    fn read_row(
+        &mut self,
+        runs: usize,
+        columns: usize,
+        taps: &mut [MaybeUninit<Tap>],
+        band: &mut RowRuns,
+    ) -> Result<usize> {
+        let short = damaged("its rows do not fit its header");
+        let (mut cells, mut kept) = (0, 0);
+        for run in take(&mut self.runs, runs.saturating_mul(2)).ok_or(short.clone())?.chunks_exact(2) {
+            let run = Run(u16::from_le_bytes([run[0], run[1]]));
+            cells += run.cells();
+            if cells > columns {
+                break;
+            }
+            let bytes = take(&mut self.taps, 8 * run.taps()).ok_or(short.clone())?;
+            for (tap, bytes) in taps[kept..].iter_mut().zip(bytes.chunks_exact(8)) {
+                let half = |at: usize| u16::from_le_bytes([bytes[at], bytes[at + 1]]);
+                let read = Tap { offset: le_u32(bytes), x: half(4), y: half(6) };
+                tap.write(read);
+                if !is_possible(run.kind(), read, self.source) {
+                    return Err(damaged("a cell samples where its kind cannot"));
+                }
+            }
+            kept += run.taps();
+            buffer::push("Lut", &mut band.runs, run)?;
+        }
+        if cells == columns { Ok(kept) } else { Err(damaged("a row's runs do not cover it")) }
+    }
+}
+
+/// Takes the first bytes off a slice.
+fn take<'a>(bytes: &mut &'a [u8], count: usize) -> Option<&'a [u8]> {
+    let (first, rest) = bytes.split_at_checked(count)?;
+    *bytes = rest;
+    Some(first)
+}
+
+fn is_possible(kind: RunKind, tap: Tap, (width, height): (u32, u32)) -> bool {
+    let (last_x, last_y) = (i64::from(width) - 1, i64::from(height) - 1);
+    match kind {
+        RunKind::Outside => false,
+        RunKind::Inside => i64::from(tap.offset % width) < last_x && i64::from(tap.offset / width) < last_y,
+        RunKind::Rim | RunKind::Halo => {
+            let (x, y) = unframed(tap.offset, width);
+            let on_rim = |at: i64, last: i64, fraction: u32| at >= 0 && (at < last || (at == last && fraction == 0));
+            y <= last_y + 1 && (kind == RunKind::Halo || (on_rim(x, last_x, tap.fx()) && on_rim(y, last_y, tap.fy())))
+        }
+    }
+}
+
+/// FNV-1a over words of eight bytes: against damage, not against forgery, which [`check`] is for.
+fn checksum(bytes: &[u8]) -> u64 {
+    let (words, rest) = bytes.as_chunks::<8>();
+    let mut tail = [0; 8];
+    tail[..rest.len()].copy_from_slice(rest);
+    let numbers = words.iter().chain([&tail]).map(|word| u64::from_le_bytes(*word));
+    numbers
+        .chain([bytes.len() as u64])
+        .fold(0xcbf2_9ce4_8422_2325, |sum, word| (sum ^ word).wrapping_mul(0x0000_0100_0000_01b3).rotate_left(29))
+}
+
+fn le_u32(bytes: &[u8]) -> u32 {
+    u32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn lut() -> Lut {
+        let x: Vec<f32> = (0..60).map(|i| i as f32 * 0.21 - 2.0).collect();
+        let y: Vec<f32> = (0..60).map(|i| (i / 10) as f32 * 1.1 - 1.2).collect();
+        Lut::from_maps(&x, &y, 10, (7, 4)).unwrap()
+    }
+
+    #[test]
+    fn there_and_back() {
+        assert_eq!(Lut::from_bytes(&lut().to_bytes().unwrap()).unwrap(), lut());
+    }
+
+    #[test]
+    fn every_flipped_bit_and_every_cut_is_refused() {
+        let bytes = lut().to_bytes().unwrap();
+        for bit in 0..bytes.len() * 8 {
+            let mut damaged = bytes.clone();
+            damaged[bit / 8] ^= 1 << (bit % 8);
+            assert!(matches!(Lut::from_bytes(&damaged), Err(Error::DamagedTable { .. })), "bit {bit}");
+        }
+        for length in 0..bytes.len() {
+            assert!(Lut::from_bytes(&bytes[..length]).is_err());
+        }
+    }
+
+    #[test]
+    fn forged_bytes_with_a_right_checksum_are_refused_or_harmless() {
+        let bytes = lut().to_bytes().unwrap();
+        let image = vec![7u8; 7 * 4];
+        let view = crate::ImageView::new(&image, (7, 4), 1).unwrap();
+        let (mut refused, mut harmless) = (0, 0);
+        for bit in 16 * 8..bytes.len() * 8 {
+            let mut forged = bytes.clone();
+            forged[bit / 8] ^= 1 << (bit % 8);
+            let sum = checksum(&forged[16..]);
+            forged[8..16].copy_from_slice(&sum.to_le_bytes());
+            match Lut::from_bytes(&forged) {
+                Ok(other) => {
+                    // another table, but one that keeps its promises
+                    let size_as_built = other.source_size() == (7, 4);
+                    let bev = other.warp(&view, &crate::WarpOptions::default());
+                    assert_eq!(bev.is_ok(), size_as_built);
+                    harmless += 1;
+                }
+                Err(error) => {
+                    assert!(matches!(error, Error::DamagedTable { .. }), "{error}");
+                    refused += 1;
+                }
+            }
+        }
+        assert!(refused > 500 && harmless > 100, "{refused} {harmless}");
+    }
+}
