@@ -9,7 +9,10 @@ Frames: vehicle ISO 8855 (x forward, y left, z up, metres), camera optical (x ri
 the centre of the top-left pixel. Transforms are named `dst_from_src`; angles are in radians, positive pitch looks down.
 """
 
-from ipm_rs import calibration, errors, pointfile, reference
+import importlib
+from typing import TYPE_CHECKING
+
+from ipm_rs import calibration, errors
 from ipm_rs._core import (
     BevGrid,
     BrownConrady,
@@ -63,6 +66,9 @@ from ipm_rs.errors import (
     OutOfMemoryError,
 )
 from ipm_rs.layers import Layers
+
+if TYPE_CHECKING:
+    from ipm_rs import pointfile, reference
 
 __all__ = [
     "ArgumentError",
@@ -119,3 +125,13 @@ __all__ = [
     "vanishing_point",
     "warp_perspective",
 ]
+
+
+def __getattr__(name: str) -> object:
+    if name in ("pointfile", "reference"):  # when they are asked for: few programs need them
+        return importlib.import_module(f"ipm_rs.{name}")
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

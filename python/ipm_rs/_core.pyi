@@ -431,9 +431,8 @@ class Camera:
         Warns:
             CalibrationWarning: as `Camera(...)`.
         """
-    @classmethod
+    @staticmethod
     def from_cityscapes(
-        cls,
         source: str | PathLike[str] | Mapping[str, Any],
         *,
         image_size: Sequence[int] = (2048, 1024),
@@ -450,9 +449,8 @@ class Camera:
             CalibrationError: a key is missing or its value cannot be right.
             FileError, MissingFileError: the file cannot be read.
         """
-    @classmethod
+    @staticmethod
     def from_kitti(
-        cls,
         source: str | PathLike[str] | Mapping[str, Any],
         *,
         camera: int | str = 2,
@@ -474,9 +472,8 @@ class Camera:
             ArgumentError, ArgumentTypeError: there is no such camera, or an argument cannot be right.
             FileError, MissingFileError: a file cannot be read.
         """
-    @classmethod
+    @staticmethod
     def from_kitti_raw(
-        cls,
         source: str | PathLike[str] | Mapping[str, Any],
         *,
         camera: int | str = 2,
@@ -498,9 +495,8 @@ class Camera:
             ArgumentError, ArgumentTypeError: there is no such camera, or an argument cannot be right.
             FileError, MissingFileError: a file cannot be read.
         """
-    @classmethod
+    @staticmethod
     def from_kitti_360(
-        cls,
         source: str | PathLike[str] | Mapping[str, Any],
         *,
         camera: int | str | None = None,
@@ -520,9 +516,8 @@ class Camera:
             ArgumentError, ArgumentTypeError: there is no such camera, or an argument cannot be right.
             FileError, MissingFileError: a file cannot be read.
         """
-    @classmethod
+    @staticmethod
     def from_nuscenes(
-        cls,
         source: str | PathLike[str] | Mapping[str, Any] | Sequence[Mapping[str, Any]],
         *,
         camera: str | None = None,
@@ -545,9 +540,8 @@ class Camera:
             ArgumentError, ArgumentTypeError: there is no such camera, or an argument cannot be right.
             FileError, MissingFileError: a file cannot be read.
         """
-    @classmethod
+    @staticmethod
     def from_argoverse2(
-        cls,
         source: str | PathLike[str] | Mapping[str, Any],
         *,
         camera: str = "ring_front_center",
@@ -566,9 +560,8 @@ class Camera:
             FileError, MissingFileError: a file cannot be read.
             MissingExtraError: pyarrow, which reads the files, is not installed.
         """
-    @classmethod
+    @staticmethod
     def from_waymo(
-        cls,
         source: Any,
         *,
         camera: str | int | None = None,
@@ -586,9 +579,8 @@ class Camera:
             ArgumentError, ArgumentTypeError: there is no such camera, or an argument cannot be right.
             FileError, MissingFileError: a file cannot be read.
         """
-    @classmethod
+    @staticmethod
     def from_carla(
-        cls,
         source: str | PathLike[str] | Mapping[str, Any] | None = None,
         *,
         camera: str | None = None,
@@ -614,8 +606,8 @@ class Camera:
             ArgumentError, ArgumentTypeError: there is no such camera, or something was given twice or cannot be right.
             FileError, MissingFileError: a file cannot be read.
         """
-    @classmethod
-    def from_json(cls, source: str | PathLike[str] | Mapping[str, Any]) -> Camera:
+    @staticmethod
+    def from_json(source: str | PathLike[str] | Mapping[str, Any]) -> Camera:
         """A camera that `save` or `to_json` wrote; see `ipm_rs.calibration.json`.
 
         Args:
@@ -626,9 +618,8 @@ class Camera:
             ArgumentTypeError: neither text, a path nor a mapping.
             FileError, MissingFileError: a file cannot be read.
         """
-    @classmethod
+    @staticmethod
     def from_colmap(
-        cls,
         source: str | PathLike[str],
         *,
         camera: int | str | None = None,
@@ -658,9 +649,8 @@ class Camera:
             ArgumentError: there is no such camera or image.
             FileError, MissingFileError: a file cannot be read.
         """
-    @classmethod
+    @staticmethod
     def from_kalibr(
-        cls,
         source: str | PathLike[str] | Mapping[str, Any],
         *,
         camera: str | int | None = None,
@@ -685,9 +675,9 @@ class Camera:
             FileError, MissingFileError: the file cannot be read.
             MissingExtraError: PyYAML is not installed.
         """
-    @classmethod
+    @staticmethod
     def from_matlab(
-        cls, source: str | PathLike[str] | Mapping[str, Any], *, image_size: Sequence[int] | None = None
+        source: str | PathLike[str] | Mapping[str, Any], *, image_size: Sequence[int] | None = None
     ) -> Camera:
         """A camera from the numbers of a MATLAB `monoCamera`; see `ipm_rs.calibration.matlab.read`.
 
@@ -702,9 +692,8 @@ class Camera:
             CalibrationError: a key is missing or its value cannot be right.
             FileError, MissingFileError: the file cannot be read.
         """
-    @classmethod
+    @staticmethod
     def from_opencv(
-        cls,
         source: str | PathLike[str] | Mapping[str, Any],
         *,
         camera: str | int | None = None,
@@ -742,9 +731,8 @@ class Camera:
             FileError, MissingFileError: a file cannot be read.
             MissingExtraError: PyYAML is not installed.
         """
-    @classmethod
+    @staticmethod
     def from_ros(
-        cls,
         source: Any,
         *,
         image: Literal["raw", "rectified"] = "raw",
@@ -775,9 +763,8 @@ class Camera:
             FileError, MissingFileError: the file cannot be read.
             MissingExtraError: PyYAML is not installed.
         """
-    @classmethod
+    @staticmethod
     def from_woodscape(
-        cls,
         source: str | PathLike[str] | Mapping[str, Any],
         *,
         image_size: Sequence[int] | None = None,
@@ -794,9 +781,8 @@ class Camera:
             CalibrationError: a key is missing or its value cannot be right.
             FileError, MissingFileError: the file cannot be read.
         """
-    @classmethod
+    @staticmethod
     def load(
-        cls,
         path: str | PathLike[str],
         image_size: Sequence[int] | None = None,
         camera: str | int | None = None,

@@ -26,7 +26,7 @@ macro_rules! help {
 mod arrays;
 mod camera;
 mod camera_geometry;
-mod camera_readers;
+mod camera_json;
 mod cloud;
 mod convert;
 mod detached;

@@ -101,8 +101,8 @@ def complaint(name: str, error: BaseException) -> str | None:
         return None
     if isinstance(error, PASSED) and error.args == (MARK,):
         return None
-    if isinstance(error, MemoryError) and str(error).startswith("Unable to allocate"):
-        return None  # NumPy's, of a list of huge arrays
+    if isinstance(error, MemoryError) and (not error.args or str(error).startswith("Unable to allocate")):
+        return None  # Python's, of a sequence that lies about its length; NumPy's, of a list of huge arrays
     is_binding = isinstance(error, TypeError) and BINDING.search(str(error)) and not error.__cause__
     is_builtin = name.startswith(("pickle", "Layers"))  # Python's own, not ours
     if is_binding or is_builtin:

@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 
 import ipm_rs
 from ipm_rs import calibration, errors
+from ipm_rs.calibration._files import open_document
 
 READERS = {name for name in dir(ipm_rs.Camera) if name.startswith("from_")} - {"from_euler", "from_vanishing_point"}
 
@@ -69,7 +70,7 @@ def test_recognised_and_read(sample, tmp_path, caplog):
 
 @each_sample
 def test_no_other_format_claims_it(sample, tmp_path):
-    document = calibration.open_document(sample.write(tmp_path), "")
+    document = open_document(sample.write(tmp_path), "")
     for name in calibration.FORMATS:
         try:
             lacks = calibration.reader(name).missing(document)

@@ -181,6 +181,21 @@ def test_whatever_a_decoder_raises_becomes_ours(tmp_path):
             raise failure
 
 
+def test_the_package_imports_what_is_used_and_no_more():
+    """Readers, point files and the reference were half of the time that `import ipm_rs` takes."""
+    code = (
+        "import sys, ipm_rs\n"
+        "names = ('ipm_rs.calibration.', 'ipm_rs.pointfile', 'ipm_rs.reference')\n"
+        "late = [module for module in sys.modules if module.startswith(names)]\n"
+        "assert late == ['ipm_rs.calibration._attached'], late\n"
+        "assert {'calibration', 'pointfile', 'reference'} <= set(dir(ipm_rs))\n"
+        "try: ipm_rs.nonsense\n"
+        "except AttributeError as error: assert 'nonsense' in str(error)\n"
+        "else: raise SystemExit('found')\n"
+    )
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
 def test_point_files_without_an_import_of_their_own():
     done = subprocess.run(
         [sys.executable, "-c", "import ipm_rs; ipm_rs.pointfile.read; ipm_rs.reference; ipm_rs.calibration.load"],

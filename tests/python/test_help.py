@@ -5,11 +5,16 @@ from __future__ import annotations
 import ast
 import inspect
 import pathlib
+import re
 
 import pytest
 
 import ipm_rs
 from ipm_rs import _core
+from ipm_rs.calibration import FORMATS
+
+ATTACHED = {"Camera.load", *(f"Camera.from_{name}" for name in FORMATS)}
+"""Written in Python, with docstrings of their own, which go further than the stub's."""
 
 STUB = ast.parse((pathlib.Path(ipm_rs.__file__).parent / "_core.pyi").read_text(encoding="utf-8"))
 DEFINITIONS = [node for node in STUB.body if isinstance(node, ast.ClassDef | ast.FunctionDef)]
@@ -60,7 +65,17 @@ def test_stub_and_module_have_the_same_names():
 @pytest.mark.parametrize("name", compiled_names())
 def test_help_is_the_docstring_of_the_stub(name):
     assert DOCUMENTED[name].strip()
-    assert inspect.getdoc(find(name)) == DOCUMENTED[name]
+    if name not in ATTACHED:
+        assert inspect.getdoc(find(name)) == DOCUMENTED[name]
+
+
+@pytest.mark.parametrize("name", sorted(ATTACHED))
+def test_help_of_readers_explains_each_argument(name):
+    method = getattr(_core.Camera, name.partition(".")[2])
+    assert (method.__qualname__, name in DOCUMENTED) == (name, True)
+    for argument in inspect.signature(method).parameters:
+        line = rf"^(\w+, )*{argument}(, \w+)* : "
+        assert re.search(line, inspect.getdoc(method), re.MULTILINE), argument
 
 
 @pytest.mark.parametrize("name", compiled_names())

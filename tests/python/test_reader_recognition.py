@@ -14,6 +14,7 @@ from helpers import refuses
 
 import ipm_rs
 from ipm_rs import calibration, errors
+from ipm_rs.calibration._files import open_document
 
 pytest.importorskip("yaml")
 
@@ -30,7 +31,7 @@ def test_foreign_files_are_of_no_known_format(name, tmp_path):
     assert "image_size=" not in str(caught.value)
     assert first.strip().startswith(nearest)
     assert len(rest) < 10 and len(str(caught.value)) < 2000
-    document = calibration.open_document(path, "")
+    document = open_document(path, "")
     for module in map(calibration.reader, calibration.FORMATS):
         try:
             assert module.missing(document) is not None, module.TITLE
