@@ -120,7 +120,7 @@ pub(crate) type ExactKernel<T, F> = fn(&Source<'_, T>, Exact<'_, F>, &mut [T]);
 /// Neighbouring footprints that are averaged alike, and where their probes lie: at centre + along a + down d, for each
 /// of the offsets a along one side of the footprint and d along the other.
 pub(crate) struct Probes<'a> {
-    /// Where each cell samples, on a source of this width: as [`RunKind::Inside`](crate::table::RunKind) says.
+    /// Where each cell samples, on a source of this width: as [`SpanKind::Inside`](crate::table::SpanKind) says.
     pub(crate) taps: &'a [Tap],
     pub(crate) source_width: u32,
     /// What the sides of their footprints are.

@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use crate::cpu::{Isa, for_each_isa};
 use crate::error::Result;
-use crate::table::{ONE, RunKind, Tap};
+use crate::table::{ONE, SpanKind, Tap};
 use crate::view::buffer;
 
 /// The coordinates of a row on a source: `us[i]` and `vs[i]` in pixels, NaN where there is none.
@@ -54,7 +54,7 @@ impl Kinds {
         isa: Isa,
         row: Sampled<'a>,
         taps: &mut [MaybeUninit<Tap>],
-    ) -> Result<impl Iterator<Item = (RunKind, Range<usize>)> + use<'a>> {
+    ) -> Result<impl Iterator<Item = (SpanKind, Range<usize>)> + use<'a>> {
         buffer::resize("Lut", &mut self.kinds, row.us.len(), 0)?;
         let kinds = &mut self.kinds[..];
         // SAFETY: a tap is 8 bytes with the alignment of a number, any bits are one, and only numbers are written.
@@ -69,7 +69,7 @@ impl Kinds {
         &'a mut self,
         isa: Isa,
         row: Sampled<'a>,
-    ) -> Result<impl Iterator<Item = (RunKind, Range<usize>)> + use<'a>> {
+    ) -> Result<impl Iterator<Item = (SpanKind, Range<usize>)> + use<'a>> {
         buffer::resize("Lut", &mut self.kinds, row.us.len(), 0)?;
         let kinds = &mut self.kinds[..];
         let mut all_inside = true;
@@ -84,27 +84,27 @@ fn runs<'a>(
     row: Sampled<'a>,
     kinds: &'a mut [u8],
     all_inside: bool,
-) -> impl Iterator<Item = (RunKind, Range<usize>)> + use<'a> {
+) -> impl Iterator<Item = (SpanKind, Range<usize>)> + use<'a> {
     let cells = kinds.len();
     // most cells are inside; of the others it is found out what they are when their turn comes
     let (mut next, mut known) = (0, 0);
     std::iter::from_fn(move || {
         let first = next;
         if first == known {
-            let inside = if all_inside { cells - first } else { equal_prefix(&kinds[first..], RunKind::Inside as u8) };
+            let inside = if all_inside { cells - first } else { equal_prefix(&kinds[first..], SpanKind::Inside as u8) };
             let end = first + inside;
             if end > first {
                 (next, known) = (end, end);
-                return Some((RunKind::Inside, first..end));
+                return Some((SpanKind::Inside, first..end));
             }
-            known += equal_prefix(&kinds[first..], RunKind::Outside as u8);
+            known += equal_prefix(&kinds[first..], SpanKind::Outside as u8);
             let others = first..known;
             let others_of_row = Sampled { us: &row.us[others.clone()], vs: &row.vs[others.clone()], ..row };
             classify(isa, others_of_row, &mut kinds[others]);
         }
         let &kind = kinds[..known].get(first)?;
         next += equal_prefix(&kinds[first..known], kind);
-        Some((RunKind::from_byte(kind), first..next))
+        Some((SpanKind::from_byte(kind), first..next))
     })
 }
 
@@ -134,7 +134,7 @@ fn equal_prefix(kinds: &[u8], kind: u8) -> usize {
     done + kinds[done..].iter().take_while(|&&cell| cell == kind).count()
 }
 
-/// The taps of all cells, and [`RunKind::Inside`] or else [`RunKind::Outside`] for each; `all` stays true where all are
+/// The taps of all cells, and [`SpanKind::Inside`] or else [`SpanKind::Outside`] for each; `all` stays true where all are
 /// inside.
 #[inline(always)]
 pub(super) fn taps_of_row(row: Sampled<'_>, taps: &mut [MaybeUninit<u64>], kinds: &mut [u8], all: &mut bool) {
@@ -163,7 +163,7 @@ pub(super) fn taps_of_row(row: Sampled<'_>, taps: &mut [MaybeUninit<u64>], kinds
     *all &= all_inside;
 }
 
-/// [`RunKind::Inside`] or else [`RunKind::Outside`] for each cell, as [`taps_of_row`] tells it of coordinates that are
+/// [`SpanKind::Inside`] or else [`SpanKind::Outside`] for each cell, as [`taps_of_row`] tells it of coordinates that are
 /// not rounded.
 #[inline(always)]
 fn inside_of_row(row: Sampled<'_>, kinds: &mut [u8], all: &mut bool) {
@@ -269,7 +269,7 @@ mod tests {
             let mut scratch = Kinds::default();
             let runs: Vec<_> = scratch.quantise(isa, row, &mut taps).unwrap().collect();
             // rows of so wide sources have rims only below
-            assert_eq!(runs, [(RunKind::Inside, 0..coordinates.len())]);
+            assert_eq!(runs, [(SpanKind::Inside, 0..coordinates.len())]);
             for (u, tap) in coordinates.iter().zip(&taps) {
                 // SAFETY: it was made from a tap, and only taps are written.
                 let tap = unsafe { tap.assume_init() };
@@ -293,7 +293,7 @@ mod tests {
             for (kind, cells) in scratch.quantise(isa, row, &mut taps).unwrap() {
                 kinds.extend(cells.map(|_| kind));
             }
-            use RunKind::{Halo, Inside, Outside, Rim};
+            use SpanKind::{Halo, Inside, Outside, Rim};
             // -0.0 is on the image; that it is on the rim costs nothing
             let expected = [Inside, Rim, Halo, Inside, Outside, Outside, Outside, Outside, Inside];
             assert_eq!(kinds, expected, "{isa:?}");

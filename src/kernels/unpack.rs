@@ -7,7 +7,7 @@ use crate::table::Tap;
 /// So many taps at once.
 const LANES: usize = 16;
 
-/// Columns and rows, in 1/1024 pixel, of taps that count as [`RunKind::Inside`](crate::table::RunKind) says on a source
+/// Columns and rows, in 1/1024 pixel, of taps that count as [`SpanKind::Inside`](crate::table::SpanKind) says on a source
 /// of this width. Its sides have fewer than 2^20 pixels.
 pub(crate) fn unpack(isa: Isa, taps: &[Tap], width: u32, xs: &mut [i32], ys: &mut [i32]) {
     for_each_isa!(isa, (body, body, body)(taps: &[Tap], width: u32, xs: &mut [i32], ys: &mut [i32]));

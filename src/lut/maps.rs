@@ -3,7 +3,7 @@
 use super::Lut;
 use crate::error::Result;
 use crate::parallel::check_interrupt;
-use crate::table::{ONE, RunKind, Tap, unframed};
+use crate::table::{ONE, SpanKind, Tap, unframed};
 use crate::view::buffer;
 
 impl Lut {
@@ -19,9 +19,9 @@ impl Lut {
             if row % ROWS_A_CHECK == 0 {
                 check_interrupt()?;
             }
-            for segment in self.table.row(row) {
-                if segment.kind.is_valid() {
-                    cells[segment.first..segment.first + segment.cells].fill(true);
+            for span in self.table.row(row) {
+                if span.kind.is_valid() {
+                    cells[span.first..span.first + span.cells].fill(true);
                 }
             }
         }
@@ -30,9 +30,7 @@ impl Lut {
 
     /// How many cells are valid.
     pub fn valid_cells(&self) -> usize {
-        let valid = |row| {
-            self.table.row(row).filter(|segment| segment.kind.is_valid()).map(|segment| segment.cells).sum::<usize>()
-        };
+        let valid = |row| self.table.row(row).filter(|span| span.kind.is_valid()).map(|span| span.cells).sum::<usize>();
         (0..self.rows()).map(valid).sum()
     }
 
@@ -47,9 +45,9 @@ impl Lut {
         let (mut map_x, mut map_y) = (map()?, map()?);
         for (row, (xs, ys)) in map_x.chunks_mut(columns).zip(map_y.chunks_mut(columns)).enumerate() {
             check_interrupt()?;
-            for segment in self.table.row(row).filter(|segment| segment.kind != RunKind::Outside) {
-                for (column, tap) in (segment.first..).zip(segment.taps) {
-                    let (x, y) = self.top_left(segment.kind, *tap);
+            for span in self.table.row(row).filter(|span| span.kind != SpanKind::Outside) {
+                for (column, tap) in (span.first..).zip(span.taps) {
+                    let (x, y) = self.top_left(span.kind, *tap);
                     xs[column] = coordinate(x, tap.fx(), tap.step_x());
                     ys[column] = coordinate(y, tap.fy(), tap.step_y());
                 }
@@ -59,9 +57,9 @@ impl Lut {
     }
 
     /// Column and row of the top-left of a tap's four pixels; -1 in the halo's left and upper part.
-    fn top_left(&self, kind: RunKind, tap: Tap) -> (i64, i64) {
+    fn top_left(&self, kind: SpanKind, tap: Tap) -> (i64, i64) {
         let (width, _) = self.source_size();
-        if kind == RunKind::Inside {
+        if kind == SpanKind::Inside {
             (i64::from(tap.offset % width), i64::from(tap.offset / width))
         } else {
             unframed(tap.offset, width)

@@ -1,10 +1,10 @@
 //! A table as bytes and back, for pickles. Little-endian:
-//! magic (8), checksum of what follows (8), rows, columns, width, height, runs, taps (`u32` each), then how many runs each row has (`u32`), all runs (`u16`), the taps of all cells but those outside
+//! magic (8), checksum of what follows (8), rows, columns, width, height, spans, taps (`u32` each), then how many spans each row has (`u32`), all spans (`u16`), the taps of all cells but those outside
 //! (offset `u32`, x `u16`, y `u16`).
 
 use std::mem::MaybeUninit;
 
-use super::{RowEnd, RowRuns, Run, RunKind, Table, Tap, band_rows, unframed};
+use super::{PackedSpan, RowEnd, RowSpans, SpanKind, Table, Tap, band_rows, unframed};
 use crate::camera::check_image_size;
 use crate::error::{Error, Result};
 use crate::grid::check_cells;
@@ -21,28 +21,28 @@ impl Lut {
     /// [`Error::OutOfMemory`] and [`Error::Interrupted`].
     pub fn to_bytes(&self) -> Result<Vec<u8>> {
         let Table { columns, source, bands, .. } = &self.table;
-        let seeing = || (0..self.rows()).flat_map(|row| self.table.row(row)).filter(|s| s.kind != RunKind::Outside);
-        let runs: usize = bands.iter().map(|band| band.runs.len()).sum();
-        let taps: usize = seeing().map(|segment| segment.taps.len()).sum();
+        let seeing = || (0..self.rows()).flat_map(|row| self.table.row(row)).filter(|s| s.kind != SpanKind::Outside);
+        let spans: usize = bands.iter().map(|band| band.spans.len()).sum();
+        let taps: usize = seeing().map(|span| span.taps.len()).sum();
         let mut bytes = buffer::reserved("Lut", self.nbytes() + 64)?;
         bytes.extend_from_slice(MAGIC);
         bytes.extend_from_slice(&[0; 8]);
-        for number in [self.rows() as u32, *columns as u32, source.0, source.1, runs as u32, taps as u32] {
+        for number in [self.rows() as u32, *columns as u32, source.0, source.1, spans as u32, taps as u32] {
             bytes.extend_from_slice(&number.to_le_bytes());
         }
         for band in bands {
-            let begins = std::iter::once(0).chain(band.ends.iter().map(|end| end.run));
+            let begins = std::iter::once(0).chain(band.ends.iter().map(|end| end.span));
             for (begin, end) in begins.zip(&band.ends) {
-                bytes.extend_from_slice(&(end.run - begin).to_le_bytes());
+                bytes.extend_from_slice(&(end.span - begin).to_le_bytes());
             }
         }
-        for run in bands.iter().flat_map(|band| &band.runs) {
-            bytes.extend_from_slice(&run.0.to_le_bytes());
+        for span in bands.iter().flat_map(|band| &band.spans) {
+            bytes.extend_from_slice(&span.0.to_le_bytes());
         }
         for row in 0..self.rows() {
             check_interrupt()?;
-            let seeing = self.table.row(row).filter(|segment| segment.kind != RunKind::Outside);
-            for tap in seeing.flat_map(|segment| segment.taps) {
+            let seeing = self.table.row(row).filter(|span| span.kind != SpanKind::Outside);
+            for tap in seeing.flat_map(|span| span.taps) {
                 bytes.extend_from_slice(&tap.offset.to_le_bytes());
                 bytes.extend_from_slice(&tap.x.to_le_bytes());
                 bytes.extend_from_slice(&tap.y.to_le_bytes());
@@ -69,29 +69,29 @@ impl Lut {
         let (rows, columns) = (number(0) as usize, number(1) as usize);
         let source = check_image_size("source_size", number(2).into(), number(3).into())
             .map_err(|_| damaged("its source size is impossible"))?;
-        let (runs, taps) = (number(4) as usize, number(5) as usize);
+        let (spans, taps) = (number(4) as usize, number(5) as usize);
         if rows == 0 || columns == 0 || check_cells("Lut", rows as f64, columns as f64).is_err() {
             return Err(damaged("its shape is impossible"));
         }
         // u64: none of these can overflow, and nothing is allocated before the length is known to be right
-        let length = 4 * rows as u64 + 2 * runs as u64 + 8 * taps as u64;
+        let length = 4 * rows as u64 + 2 * spans as u64 + 8 * taps as u64;
         if body.len() as u64 != length {
             return Err(damaged("its length does not fit its header"));
         }
         let (counts, body) = body.split_at(4 * rows);
-        let (run_bytes, tap_bytes) = body.split_at(2 * runs);
+        let (span_bytes, tap_bytes) = body.split_at(2 * spans);
         let mut table = Table::empty((rows, columns), source)?;
-        let mut reader = Reader { runs: run_bytes, taps: tap_bytes, source };
+        let mut reader = Reader { spans: span_bytes, taps: tap_bytes, source };
         for ((band, taps), counts) in table.bands_mut().zip(counts.chunks(4 * band_rows(columns))) {
             let mut next = 0;
-            for runs in counts.chunks_exact(4).map(le_u32) {
+            for spans in counts.chunks_exact(4).map(le_u32) {
                 check_interrupt()?;
-                next += reader.read_row(runs as usize, columns, &mut taps[next..], band)?;
-                let end = RowEnd { run: band.runs.len() as u32, tap: next as u32 };
+                next += reader.read_row(spans as usize, columns, &mut taps[next..], band)?;
+                let end = RowEnd { span: band.spans.len() as u32, tap: next as u32 };
                 buffer::push("Lut", &mut band.ends, end)?;
             }
         }
-        if !reader.runs.is_empty() || !reader.taps.is_empty() {
+        if !reader.spans.is_empty() || !reader.taps.is_empty() {
             return Err(damaged("its rows do not fit its header"));
         }
         Ok(Self { table })
@@ -104,42 +104,42 @@ fn damaged(problem: &'static str) -> Error {
 
 /// What is left of a table's bytes.
 struct Reader<'a> {
-    runs: &'a [u8],
+    spans: &'a [u8],
     taps: &'a [u8],
     source: (u32, u32),
 }
 
 impl Reader<'_> {
-    /// Takes the next row of so many runs, proves what [`Table`] promises of it, and returns how many taps it has; they go
+    /// Takes the next row of so many spans, proves what [`Table`] promises of it, and returns how many taps it has; they go
     /// to the start of `taps`, which has room for one for each cell.
     fn read_row(
         &mut self,
-        runs: usize,
+        spans: usize,
         columns: usize,
         taps: &mut [MaybeUninit<Tap>],
-        band: &mut RowRuns,
+        band: &mut RowSpans,
     ) -> Result<usize> {
         let short = damaged("its rows do not fit its header");
         let (mut cells, mut kept) = (0, 0);
-        for run in take(&mut self.runs, runs.saturating_mul(2)).ok_or(short.clone())?.chunks_exact(2) {
-            let run = Run(u16::from_le_bytes([run[0], run[1]]));
-            cells += run.cells();
+        for span in take(&mut self.spans, spans.saturating_mul(2)).ok_or(short.clone())?.chunks_exact(2) {
+            let span = PackedSpan(u16::from_le_bytes([span[0], span[1]]));
+            cells += span.cells();
             if cells > columns {
                 break;
             }
-            let bytes = take(&mut self.taps, 8 * run.taps()).ok_or(short.clone())?;
+            let bytes = take(&mut self.taps, 8 * span.taps()).ok_or(short.clone())?;
             for (tap, bytes) in taps[kept..].iter_mut().zip(bytes.chunks_exact(8)) {
                 let half = |at: usize| u16::from_le_bytes([bytes[at], bytes[at + 1]]);
                 let read = Tap { offset: le_u32(bytes), x: half(4), y: half(6) };
                 tap.write(read);
-                if !is_possible(run.kind(), read, self.source) {
+                if !is_possible(span.kind(), read, self.source) {
                     return Err(damaged("a cell samples where its kind cannot"));
                 }
             }
-            kept += run.taps();
-            buffer::push("Lut", &mut band.runs, run)?;
+            kept += span.taps();
+            buffer::push("Lut", &mut band.spans, span)?;
         }
-        if cells == columns { Ok(kept) } else { Err(damaged("a row's runs do not cover it")) }
+        if cells == columns { Ok(kept) } else { Err(damaged("a row's spans do not cover it")) }
     }
 }
 
@@ -150,15 +150,15 @@ fn take<'a>(bytes: &mut &'a [u8], count: usize) -> Option<&'a [u8]> {
     Some(first)
 }
 
-fn is_possible(kind: RunKind, tap: Tap, (width, height): (u32, u32)) -> bool {
+fn is_possible(kind: SpanKind, tap: Tap, (width, height): (u32, u32)) -> bool {
     let (last_x, last_y) = (i64::from(width) - 1, i64::from(height) - 1);
     match kind {
-        RunKind::Outside => false,
-        RunKind::Inside => i64::from(tap.offset % width) < last_x && i64::from(tap.offset / width) < last_y,
-        RunKind::Rim | RunKind::Halo => {
+        SpanKind::Outside => false,
+        SpanKind::Inside => i64::from(tap.offset % width) < last_x && i64::from(tap.offset / width) < last_y,
+        SpanKind::Rim | SpanKind::Halo => {
             let (x, y) = unframed(tap.offset, width);
             let on_rim = |at: i64, last: i64, fraction: u32| at >= 0 && (at < last || (at == last && fraction == 0));
-            y <= last_y + 1 && (kind == RunKind::Halo || (on_rim(x, last_x, tap.fx()) && on_rim(y, last_y, tap.fy())))
+            y <= last_y + 1 && (kind == SpanKind::Halo || (on_rim(x, last_x, tap.fx()) && on_rim(y, last_y, tap.fy())))
         }
     }
 }

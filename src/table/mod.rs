@@ -1,7 +1,7 @@
 //! The packed table: for every cell of the output, where on the source it samples.
 //!
-//! A row is a sequence of [runs](Run) of cells of one [kind](RunKind); cells that see the image have a [`Tap`]. One table
-//! serves every dtype, channel count and row stride, nearest and bilinear: 8 bytes for a cell, 2 for a run and 8 for a
+//! A row is a sequence of [spans](PackedSpan) of cells of one [kind](SpanKind); cells that see the image have a [`Tap`]. One table
+//! serves every dtype, channel count and row stride, nearest and bilinear: 8 bytes for a cell, 2 for a span and 8 for a
 //! row, so at most 12 bytes a cell whatever the maps are, if a row has four cells.
 
 use std::mem::MaybeUninit;
@@ -11,7 +11,7 @@ mod bytes;
 mod tap;
 
 use tap::framed;
-pub(crate) use tap::{ONE, RunKind, Tap, unframed};
+pub(crate) use tap::{ONE, SpanKind, Tap, unframed};
 
 use crate::cpu::Isa;
 use crate::error::Result;
@@ -21,70 +21,70 @@ use crate::lut::area::LazyPlan;
 use crate::parallel;
 use crate::view::buffer;
 
-/// A run of cells of one kind: the kind in the top two bits, the number of cells in the others. Longer runs are several.
+/// A span of cells of one kind: the kind in the top two bits, the number of cells in the others. Longer spans are several.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct Run(pub(super) u16);
+pub(crate) struct PackedSpan(pub(super) u16);
 
-impl Run {
+impl PackedSpan {
     const KIND_SHIFT: u32 = 14;
     const MAX_CELLS: usize = (1 << Self::KIND_SHIFT) - 1;
 
-    /// The runs of so many neighbouring cells of one kind.
-    fn of(kind: RunKind, cells: usize) -> impl Iterator<Item = Self> {
+    /// The spans of so many neighbouring cells of one kind.
+    fn of(kind: SpanKind, cells: usize) -> impl Iterator<Item = Self> {
         (0..cells)
             .step_by(Self::MAX_CELLS)
             .map(move |first| Self((kind as u16) << Self::KIND_SHIFT | (cells - first).min(Self::MAX_CELLS) as u16))
     }
 
-    pub(super) fn kind(self) -> RunKind {
-        RunKind::from_byte((self.0 >> Self::KIND_SHIFT) as u8)
+    pub(super) fn kind(self) -> SpanKind {
+        SpanKind::from_byte((self.0 >> Self::KIND_SHIFT) as u8)
     }
 
     pub(super) fn cells(self) -> usize {
         usize::from(self.0) & Self::MAX_CELLS
     }
 
-    /// Taps that the run has.
+    /// Taps that the span has.
     pub(super) fn taps(self) -> usize {
-        if self.kind() == RunKind::Outside { 0 } else { self.cells() }
+        if self.kind() == SpanKind::Outside { 0 } else { self.cells() }
     }
 }
 
 /// A row's neighbouring cells of one kind: the first one's column, their number, and a tap for each if they are not
 /// outside.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Segment<'a> {
-    pub(crate) kind: RunKind,
+pub(crate) struct Span<'a> {
+    pub(crate) kind: SpanKind,
     pub(crate) first: usize,
     pub(crate) cells: usize,
     pub(crate) taps: &'a [Tap],
 }
 
-/// The runs of consecutive rows. The runs of a row are as many cells as the row has.
+/// The spans of consecutive rows. The spans of a row are as many cells as the row has.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub(crate) struct RowRuns {
+pub(crate) struct RowSpans {
     pub(super) ends: Vec<RowEnd>,
-    pub(super) runs: Vec<Run>,
+    pub(super) spans: Vec<PackedSpan>,
 }
 
-/// Where a row's runs end, and its taps: those of one row follow those of the one before.
+/// Where a row's spans end, and its taps: those of one row follow those of the one before.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(super) struct RowEnd {
-    pub(super) run: u32,
+    pub(super) span: u32,
     pub(super) tap: u32,
 }
 
-impl RowRuns {
-    /// Packs one row in place of those there are: [`RowRuns::push`] for taps that are used again and again.
+impl RowSpans {
+    /// Packs one row in place of those there are: [`RowSpans::push`] for taps that are used again and again.
     pub(crate) fn repack(&mut self, isa: Isa, row: Sampled<'_>, taps: &mut [Tap], scratch: &mut Kinds) -> Result<()> {
         self.ends.clear();
-        self.runs.clear();
+        self.spans.clear();
         // SAFETY: the layout is the same, and `push` writes nothing but taps.
         let room = unsafe { &mut *(std::ptr::from_mut(taps) as *mut [MaybeUninit<Tap>]) };
         self.push(isa, row, 0..row.us.len(), room, scratch)
     }
 
-    /// Packs a row, of which only the cells `seen` are looked at, and the others are outside: its runs go to the end of
+    /// Packs a row, of which only the cells `seen` are looked at, and the others are outside: its spans go to the end of
     /// these, and the taps of all cells but those outside into `taps` behind those of the row before, where there must be
     /// room for one for each cell. What is written behind them is anything at all.
     pub(crate) fn push(
@@ -98,21 +98,21 @@ impl RowRuns {
         let begin = self.taps();
         let taps = &mut taps[begin..begin + row.us.len()];
         let seen = row.trimmed(seen);
-        // cells outside that no run holds yet, and those behind the ones that are looked at
+        // cells outside that no span holds yet, and those behind the ones that are looked at
         let (mut outside, behind) = (seen.start, row.us.len() - seen.end);
         let row = Sampled { us: &row.us[seen.clone()], vs: &row.vs[seen], ..row };
         let mut kept = 0;
         for (kind, cells) in scratch.quantise(isa, row, taps)? {
-            if kind == RunKind::Outside {
+            if kind == SpanKind::Outside {
                 outside += cells.len();
                 continue;
             }
-            self.add_runs(RunKind::Outside, std::mem::take(&mut outside))?;
-            self.add_runs(kind, cells.len())?;
+            self.add_spans(SpanKind::Outside, std::mem::take(&mut outside))?;
+            self.add_spans(kind, cells.len())?;
             let own = kept..kept + cells.len();
             match kind {
-                RunKind::Inside if cells.start == kept => {}
-                RunKind::Inside => taps.copy_within(cells, kept),
+                SpanKind::Inside if cells.start == kept => {}
+                SpanKind::Inside => taps.copy_within(cells, kept),
                 _ => {
                     for (tap, (&u, &v)) in
                         taps[own.clone()].iter_mut().zip(row.us[cells.clone()].iter().zip(&row.vs[cells]))
@@ -123,15 +123,15 @@ impl RowRuns {
             }
             kept = own.end;
         }
-        self.add_runs(RunKind::Outside, outside + behind)?;
-        let end = RowEnd { run: self.runs.len() as u32, tap: (begin + kept) as u32 };
+        self.add_spans(SpanKind::Outside, outside + behind)?;
+        let end = RowEnd { span: self.spans.len() as u32, tap: (begin + kept) as u32 };
         buffer::push(WHAT, &mut self.ends, end)
     }
 
-    /// Appends the runs of so many neighbouring cells of one kind.
+    /// Appends the spans of so many neighbouring cells of one kind.
     #[inline]
-    fn add_runs(&mut self, kind: RunKind, cells: usize) -> Result<()> {
-        Run::of(kind, cells).try_for_each(|run| buffer::push(WHAT, &mut self.runs, run))
+    fn add_spans(&mut self, kind: SpanKind, cells: usize) -> Result<()> {
+        PackedSpan::of(kind, cells).try_for_each(|span| buffer::push(WHAT, &mut self.spans, span))
     }
 
     /// How many taps these rows have.
@@ -144,23 +144,23 @@ impl RowRuns {
         if row == 0 { RowEnd::default() } else { self.ends[row - 1] }
     }
 
-    /// The segments of a row, from left to right, without a gap; `taps` are those of all these rows.
+    /// The spans of a row, from left to right, without a gap; `taps` are those of all these rows.
     #[inline]
-    pub(crate) fn segments<'a>(&'a self, row: usize, taps: &'a [Tap]) -> impl Iterator<Item = Segment<'a>> {
+    pub(crate) fn spans<'a>(&'a self, row: usize, taps: &'a [Tap]) -> impl Iterator<Item = Span<'a>> {
         let (begin, end) = (self.begin(row), self.ends[row]);
         let mut taps = &taps[begin.tap as usize..end.tap as usize];
         let mut first = 0;
-        self.runs[begin.run as usize..end.run as usize].iter().map(move |run| {
+        self.spans[begin.span as usize..end.span as usize].iter().map(move |packed| {
             let own;
-            (own, taps) = taps.split_at(run.taps());
-            let segment = Segment { kind: run.kind(), first, cells: run.cells(), taps: own };
-            first += run.cells();
-            segment
+            (own, taps) = taps.split_at(packed.taps());
+            let span = Span { kind: packed.kind(), first, cells: packed.cells(), taps: own };
+            first += span.cells;
+            span
         })
     }
 }
 
-/// The table. Whatever it was made from, every tap in a run of [`RunKind::Inside`] has `x <= width - 2` and
+/// The table. Whatever it was made from, every tap in a span of [`SpanKind::Inside`] has `x <= width - 2` and
 /// `y <= height - 2`: kernels rely on it.
 #[derive(Debug, Clone)]
 pub(crate) struct Table {
@@ -174,8 +174,8 @@ pub(crate) struct Table {
     /// One allocation: many small ones are given back to the system when a table is dropped, and the next build pays a
     /// page fault for every 4 KiB: 2.6 ms became 0.9 for the seed job, from 1057 faults a build to none.
     taps: Vec<MaybeUninit<Tap>>,
-    /// The runs, in bands of [`band_rows`] rows.
-    pub(super) bands: Vec<RowRuns>,
+    /// The spans, in bands of [`band_rows`] rows.
+    pub(super) bands: Vec<RowSpans>,
     /// What `area` needs beyond, once it was asked for.
     pub(super) area: LazyPlan,
 }
@@ -202,31 +202,31 @@ impl Table {
         let threads = if rows * columns < INLINE_CELLS { 1 } else { parallel::num_threads() };
         let band_rows = band_rows(columns);
         let jobs = table.bands_mut().enumerate();
-        parallel::for_each(threads, jobs, |(band, (runs, room))| {
+        parallel::for_each(threads, jobs, |(band, (spans, room))| {
             // band by band, each while it is in the cache: all at once was a tenth of the time
             let (mut us, mut vs) = (Row::filled(columns, 0.0)?, Row::filled(columns, 0.0)?);
             let mut scratch = Kinds::default();
-            runs.ends = buffer::reserved(WHAT, room.len() / columns)?;
+            spans.ends = buffer::reserved(WHAT, room.len() / columns)?;
             for row in band * band_rows..(band * band_rows + band_rows).min(rows) {
                 let seen = fill(row, &mut us, &mut vs)?;
-                runs.push(isa, Sampled { us: &us, vs: &vs, source }, seen, room, &mut scratch)?;
+                spans.push(isa, Sampled { us: &us, vs: &vs, source }, seen, room, &mut scratch)?;
             }
             Ok(())
         })?;
         Ok(table)
     }
 
-    /// A table with room for all taps, but none in it, and no runs yet.
+    /// A table with room for all taps, but none in it, and no spans yet.
     pub(super) fn empty((rows, columns): (usize, usize), source: (u32, u32)) -> Result<Self> {
         check_cells("Lut", rows as f64, columns as f64)?;
         let mut table = Self { rows, columns, source, taps: Vec::new(), bands: Vec::new(), area: LazyPlan::default() };
         table.taps = buffer::filled(WHAT, rows * columns, MaybeUninit::uninit())?;
-        table.bands = buffer::filled(WHAT, rows.div_ceil(band_rows(columns)), RowRuns::default())?;
+        table.bands = buffer::filled(WHAT, rows.div_ceil(band_rows(columns)), RowSpans::default())?;
         Ok(table)
     }
 
     /// The bands, each with the room for its taps.
-    pub(super) fn bands_mut(&mut self) -> impl ExactSizeIterator<Item = (&mut RowRuns, &mut [MaybeUninit<Tap>])> {
+    pub(super) fn bands_mut(&mut self) -> impl ExactSizeIterator<Item = (&mut RowSpans, &mut [MaybeUninit<Tap>])> {
         self.bands.iter_mut().zip(self.taps.chunks_mut(band_rows(self.columns) * self.columns))
     }
 
@@ -243,8 +243,8 @@ impl Table {
     }
 
     pub(super) fn nbytes(&self) -> usize {
-        let runs = |band: &RowRuns| size_of_val(&*band.ends) + size_of_val(&*band.runs);
-        size_of_val(&*self.taps) + self.bands.iter().map(runs).sum::<usize>()
+        let spans = |band: &RowSpans| size_of_val(&*band.ends) + size_of_val(&*band.spans);
+        size_of_val(&*self.taps) + self.bands.iter().map(spans).sum::<usize>()
     }
 
     /// The band that `row` is in.
@@ -253,18 +253,18 @@ impl Table {
         let band_rows = band_rows(self.columns);
         let (index, first) = (row / band_rows, row / band_rows * band_rows);
         let rows = first..(first + band_rows).min(self.rows);
-        let runs = &self.bands[index];
-        let taps = &self.taps[first * self.columns..][..runs.taps()];
-        // SAFETY: the layout is the same, and these were written: who adds a row to a band's runs, `RowRuns::push` and the
+        let spans = &self.bands[index];
+        let taps = &self.taps[first * self.columns..][..spans.taps()];
+        // SAFETY: the layout is the same, and these were written: who adds a row to a band's spans, `RowSpans::push` and the
         // reader of bytes, writes as many taps as they say behind those of the row before, from the band's first on.
         let taps = unsafe { &*(std::ptr::from_ref(taps) as *const [Tap]) };
-        Band { rows, runs, taps }
+        Band { rows, spans, taps }
     }
 
-    /// The segments of a row, from left to right, without a gap.
+    /// The spans of a row, from left to right, without a gap.
     #[inline]
-    pub(crate) fn row(&self, row: usize) -> impl Iterator<Item = Segment<'_>> {
-        self.band(row).segments(row)
+    pub(crate) fn row(&self, row: usize) -> impl Iterator<Item = Span<'_>> {
+        self.band(row).spans(row)
     }
 }
 
@@ -280,21 +280,21 @@ impl PartialEq for Table {
 /// Neighbouring rows of a table that were packed together.
 pub(crate) struct Band<'a> {
     pub(crate) rows: Range<usize>,
-    runs: &'a RowRuns,
+    spans: &'a RowSpans,
     taps: &'a [Tap],
 }
 
 impl<'a> Band<'a> {
     /// How many cells of these rows of the band are not outside.
     pub(crate) fn cells_with_taps(&self, rows: Range<usize>) -> usize {
-        let begin = |row| self.runs.begin(row - self.rows.start).tap;
+        let begin = |row| self.spans.begin(row - self.rows.start).tap;
         (begin(rows.end) - begin(rows.start)) as usize
     }
 
-    /// The segments of a row of the band, from left to right, without a gap.
+    /// The spans of a row of the band, from left to right, without a gap.
     #[inline]
-    pub(crate) fn segments(&self, row: usize) -> impl Iterator<Item = Segment<'a>> + use<'a> {
-        self.runs.segments(row - self.rows.start, self.taps)
+    pub(crate) fn spans(&self, row: usize) -> impl Iterator<Item = Span<'a>> + use<'a> {
+        self.spans.spans(row - self.rows.start, self.taps)
     }
 }
 
@@ -317,43 +317,43 @@ mod tests {
     const SOURCE: (u32, u32) = (5, 4);
 
     /// The kind of a single cell, by every instruction set.
-    fn kind(u: f64, v: f64, source: (u32, u32)) -> RunKind {
+    fn kind(u: f64, v: f64, source: (u32, u32)) -> SpanKind {
         let packed = |&isa: &Isa| {
-            let mut runs = RowRuns::default();
+            let mut spans = RowSpans::default();
             let mut taps = [Tap::default()];
-            runs.repack(isa, Sampled { us: &[u], vs: &[v], source }, &mut taps, &mut Kinds::default()).unwrap();
-            taps[runs.taps()..].fill(Tap::default());
-            (runs, taps)
+            spans.repack(isa, Sampled { us: &[u], vs: &[v], source }, &mut taps, &mut Kinds::default()).unwrap();
+            taps[spans.taps()..].fill(Tap::default());
+            (spans, taps)
         };
         let all: Vec<_> = Isa::available().iter().map(packed).collect();
         assert!(all.iter().all(|one| *one == all[0]));
-        all[0].0.runs[0].kind()
+        all[0].0.spans[0].kind()
     }
 
     #[test]
-    fn a_tap_is_eight_bytes_and_a_run_four() {
-        assert_eq!((size_of::<Tap>(), size_of::<Run>()), (8, 2));
+    fn a_tap_is_eight_bytes_and_a_packed_span_two() {
+        assert_eq!((size_of::<Tap>(), size_of::<PackedSpan>()), (8, 2));
     }
 
     #[test]
     fn kinds_follow_the_rectangle_of_pixel_centres() {
         for (u, v, kind) in [
-            (0.0, 0.0, RunKind::Inside),
-            (3.999, 2.999, RunKind::Inside),
-            (4.0, 1.0, RunKind::Rim),
-            (1.0, 3.0, RunKind::Rim),
-            (4.0, 3.0, RunKind::Rim),
-            (3.9999999, 1.0, RunKind::Rim),
-            (-1e-9, 1.0, RunKind::Halo),
-            (4.0 + 1e-9, 1.0, RunKind::Halo),
-            (-0.999, -0.999, RunKind::Halo),
-            (4.999, 3.999, RunKind::Halo),
-            (-1.0, 1.0, RunKind::Outside),
-            (5.0, 1.0, RunKind::Outside),
-            (1.0, 4.0, RunKind::Outside),
-            (f64::NAN, 1.0, RunKind::Outside),
-            (1.0, f64::INFINITY, RunKind::Outside),
-            (-1e300, 1.0, RunKind::Outside),
+            (0.0, 0.0, SpanKind::Inside),
+            (3.999, 2.999, SpanKind::Inside),
+            (4.0, 1.0, SpanKind::Rim),
+            (1.0, 3.0, SpanKind::Rim),
+            (4.0, 3.0, SpanKind::Rim),
+            (3.9999999, 1.0, SpanKind::Rim),
+            (-1e-9, 1.0, SpanKind::Halo),
+            (4.0 + 1e-9, 1.0, SpanKind::Halo),
+            (-0.999, -0.999, SpanKind::Halo),
+            (4.999, 3.999, SpanKind::Halo),
+            (-1.0, 1.0, SpanKind::Outside),
+            (5.0, 1.0, SpanKind::Outside),
+            (1.0, 4.0, SpanKind::Outside),
+            (f64::NAN, 1.0, SpanKind::Outside),
+            (1.0, f64::INFINITY, SpanKind::Outside),
+            (-1e300, 1.0, SpanKind::Outside),
         ] {
             assert_eq!(self::kind(u, v, SOURCE), kind, "({u}, {v})");
         }
@@ -361,8 +361,8 @@ mod tests {
 
     #[test]
     fn a_source_of_one_pixel_is_all_rim() {
-        assert_eq!(kind(0.0, 0.0, (1, 1)), RunKind::Rim);
-        assert_eq!(kind(0.25, 0.0, (1, 1)), RunKind::Halo);
+        assert_eq!(kind(0.0, 0.0, (1, 1)), SpanKind::Rim);
+        assert_eq!(kind(0.25, 0.0, (1, 1)), SpanKind::Halo);
     }
 
     #[test]
@@ -398,12 +398,12 @@ mod tests {
         let mut kinds = [0; 4];
         for row in 0..rows {
             let mut next = 0;
-            for segment in table.row(row) {
-                assert_eq!(segment.first, next);
-                assert!(segment.cells > 0);
-                assert_eq!(segment.taps.len(), if segment.kind == RunKind::Outside { 0 } else { segment.cells });
-                kinds[segment.kind as usize] += segment.cells;
-                next += segment.cells;
+            for span in table.row(row) {
+                assert_eq!(span.first, next);
+                assert!(span.cells > 0);
+                assert_eq!(span.taps.len(), if span.kind == SpanKind::Outside { 0 } else { span.cells });
+                kinds[span.kind as usize] += span.cells;
+                next += span.cells;
             }
             assert_eq!(next, 100);
         }
@@ -411,7 +411,7 @@ mod tests {
     }
 
     #[test]
-    fn at_most_twelve_bytes_a_cell_also_where_every_cell_is_a_run_of_its_own() {
+    fn at_most_twelve_bytes_a_cell_also_where_every_cell_is_a_span_of_its_own() {
         for (rows, columns) in [(1, 200_000), (50_000, 4), (300, 301)] {
             let cells = rows * columns;
             let table = Table::build((rows, columns), (3, 3), Isa::Scalar, |_, us, vs| {
@@ -427,7 +427,7 @@ mod tests {
     }
 
     #[test]
-    fn runs_longer_than_their_number_are_several() {
+    fn spans_longer_than_their_number_are_several() {
         for columns in [16_382, 16_383, 16_384, 50_000] {
             let table = Table::build((2, columns), (3, 3), Isa::Scalar, |row, us, vs| {
                 us.fill([0.5, f64::NAN][row]);
@@ -436,10 +436,10 @@ mod tests {
             })
             .unwrap();
             for row in 0..2 {
-                let segments: Vec<_> = table.row(row).collect();
-                assert_eq!(segments.len(), columns.div_ceil(16_383));
-                assert_eq!(segments.iter().map(|segment| segment.cells).sum::<usize>(), columns);
-                assert_eq!(segments.iter().map(|s| s.taps.len()).sum::<usize>(), [columns, 0][row]);
+                let spans: Vec<_> = table.row(row).collect();
+                assert_eq!(spans.len(), columns.div_ceil(16_383));
+                assert_eq!(spans.iter().map(|span| span.cells).sum::<usize>(), columns);
+                assert_eq!(spans.iter().map(|s| s.taps.len()).sum::<usize>(), [columns, 0][row]);
             }
         }
     }

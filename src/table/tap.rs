@@ -8,10 +8,10 @@ pub(crate) const ONE: u32 = 1 << 15;
 /// rounded fraction cannot tell 11.4999999 from 11.5.
 const STEP: u16 = 1 << 15;
 
-/// What the cells of a run have in common.
+/// What the cells of a span have in common.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u32)]
-pub(crate) enum RunKind {
+pub(crate) enum SpanKind {
     /// No image: the border value.
     Outside = 0,
     /// Valid, and all four pixels around the coordinate exist: [`Tap::offset`] is `y * width + x` of the top-left one.
@@ -22,7 +22,7 @@ pub(crate) enum RunKind {
     Halo = 3,
 }
 
-impl RunKind {
+impl SpanKind {
     /// Whether such cells are in the mask.
     #[inline]
     pub(crate) fn is_valid(self) -> bool {
@@ -44,7 +44,7 @@ impl RunKind {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[repr(C, align(8))] // one number to the kernels
 pub(crate) struct Tap {
-    /// Of the top-left pixel; counted as the run's kind says.
+    /// Of the top-left pixel; counted as the span's kind says.
     pub(crate) offset: u32,
     /// Q15 fraction along x, and [`STEP`].
     pub(crate) x: u16,

@@ -4,7 +4,7 @@ use std::slice;
 
 use nalgebra::Matrix3;
 
-use super::{Bilinear, Interpolation, WarpOptions, warp_segments};
+use super::{Bilinear, Interpolation, WarpOptions, warp_spans};
 use crate::camera::check_image_size;
 use crate::cpu::Isa;
 use crate::error::{Error, Result};
@@ -13,7 +13,7 @@ use crate::kernels::{ExactBlend, ExactKernels, Float, RowKernels, Source};
 use crate::kernels::{Kinds, Row, Sampled, widen};
 use crate::lut::{check_homography, homography_row};
 use crate::parallel;
-use crate::table::{RowRuns, RunKind, Tap};
+use crate::table::{RowSpans, SpanKind, Tap};
 use crate::view::{ImageView, ImageViewMut, Sample, buffer};
 
 /// What lies beyond the image.
@@ -162,9 +162,9 @@ pub(crate) fn exact<T: ExactBlend<F>, F: Float>(warp: &Direct<'_, T>, out: &mut 
                 let cells = &mut cells[own.start * channels..own.end * channels];
                 let coordinates = [&row.us[own.clone()], &row.vs[own]];
                 match kind {
-                    RunKind::Outside => source.fill_border(cells),
-                    RunKind::Inside => kernels.inside(source, coordinates, cells),
-                    RunKind::Rim | RunKind::Halo => kernels.edge(source, coordinates, cells),
+                    SpanKind::Outside => source.fill_border(cells),
+                    SpanKind::Inside => kernels.inside(source, coordinates, cells),
+                    SpanKind::Rim | SpanKind::Halo => kernels.edge(source, coordinates, cells),
                 }
             }
             Ok(())
@@ -175,7 +175,7 @@ pub(crate) fn exact<T: ExactBlend<F>, F: Float>(warp: &Direct<'_, T>, out: &mut 
 /// What packing and warping a row takes, used for all rows of a thread.
 struct Packed {
     taps: Vec<Tap>,
-    runs: RowRuns,
+    runs: RowSpans,
     kinds: Kinds,
 }
 
@@ -184,11 +184,11 @@ fn by_taps<T: Sample>(warp: &Direct<'_, T>, out: &mut ImageViewMut<'_, T>, kerne
     let isa = warp.options.isa()?;
     let packed = |columns| {
         let taps = buffer::filled("out", columns, Tap::default())?;
-        Ok(Packed { taps, runs: RowRuns::default(), kinds: Kinds::default() })
+        Ok(Packed { taps, runs: RowSpans::default(), kinds: Kinds::default() })
     };
     run(warp, out, packed, |Packed { taps, runs, kinds }, row, source, cells| {
         runs.repack(isa, row, taps, kinds)?;
-        warp_segments(runs.segments(0, taps), source, cells, kernels, false);
+        warp_spans(runs.spans(0, taps), source, cells, kernels, false);
         Ok(())
     })
 }

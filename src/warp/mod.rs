@@ -16,7 +16,7 @@ use crate::error::{Error, Result};
 use crate::kernels::{RowKernels, Source};
 use crate::lut::Lut;
 use crate::parallel;
-use crate::table::{RunKind, Segment, Table};
+use crate::table::{Span, SpanKind, Table};
 use crate::view::{ImageView, ImageViewMut, RowsMut, Sample, buffer};
 
 /// Several images go band by band through bands of at most so many cells: half a megabyte of the table, which a core's
@@ -212,28 +212,28 @@ fn warp_rows<T: Sample>(
         let piece = if mostly_outside { rows.flat(end - first) } else { None };
         let filled = piece.map(|cells| source.fill_border(cells)).is_some();
         for (row, cells) in (first..end).zip(rows.by_ref()) {
-            warp_segments(band.segments(row), source, cells, kernels, filled);
+            warp_spans(band.spans(row), source, cells, kernels, filled);
         }
         first = end;
     }
 }
 
-/// Fills one output row, segment by segment; those outside only if not `filled`.
-fn warp_segments<'a, T: Sample>(
-    segments: impl Iterator<Item = Segment<'a>>,
+/// Fills one output row, span by span; those outside only if not `filled`.
+fn warp_spans<'a, T: Sample>(
+    spans: impl Iterator<Item = Span<'a>>,
     source: &Source<'_, T>,
     cells: &mut [T],
     kernels: &RowKernels<T>,
     filled: bool,
 ) {
     let channels = source.channels();
-    for segment in segments {
-        let cells = &mut cells[segment.first * channels..(segment.first + segment.cells) * channels];
-        match segment.kind {
-            RunKind::Outside if filled => {}
-            RunKind::Outside => source.fill_border(cells),
-            RunKind::Inside => (kernels.inside)(source, segment.taps, cells),
-            RunKind::Rim | RunKind::Halo => (kernels.edge)(source, segment.taps, cells),
+    for span in spans {
+        let cells = &mut cells[span.first * channels..(span.first + span.cells) * channels];
+        match span.kind {
+            SpanKind::Outside if filled => {}
+            SpanKind::Outside => source.fill_border(cells),
+            SpanKind::Inside => (kernels.inside)(source, span.taps, cells),
+            SpanKind::Rim | SpanKind::Halo => (kernels.edge)(source, span.taps, cells),
         }
     }
 }

@@ -8,7 +8,7 @@ use crate::kernels::{RowKernels, Source};
 use crate::lut::Lut;
 use crate::lut::area::{Coordinates, Q, Shape, Sides, check_sides};
 use crate::parallel::{self, check_interrupt};
-use crate::table::{RunKind, Segment};
+use crate::table::{Span, SpanKind};
 use crate::view::buffer;
 use crate::view::{ImageView, ImageViewMut, RowsMut, Sample};
 
@@ -128,7 +128,7 @@ impl<T: Sample + Ord> Job<'_, T> {
         for (row, cells) in (first..).zip(rows) {
             near[2].read(self.isa, table, Some(row + 1));
             sides.read(self.isa, &near);
-            table.row(row).for_each(|segment| self.nearest(segment, cells));
+            table.row(row).for_each(|span| self.nearest(span, cells));
             for (cell, values) in cells.chunks_exact_mut(channels).enumerate() {
                 if near[1].is_valid(cell) {
                     self.cell(near[1].at(cell), sides.of(cell), values, &mut votes);
@@ -139,13 +139,13 @@ impl<T: Sample + Ord> Job<'_, T> {
         Ok(())
     }
 
-    fn nearest(&self, segment: Segment<'_>, cells: &mut [T]) {
+    fn nearest(&self, span: Span<'_>, cells: &mut [T]) {
         let channels = self.source.channels();
-        let cells = &mut cells[segment.first * channels..(segment.first + segment.cells) * channels];
-        match segment.kind {
-            RunKind::Outside => self.source.fill_border(cells),
-            RunKind::Inside => (self.kernels.inside)(self.source, segment.taps, cells),
-            RunKind::Rim | RunKind::Halo => (self.kernels.edge)(self.source, segment.taps, cells),
+        let cells = &mut cells[span.first * channels..(span.first + span.cells) * channels];
+        match span.kind {
+            SpanKind::Outside => self.source.fill_border(cells),
+            SpanKind::Inside => (self.kernels.inside)(self.source, span.taps, cells),
+            SpanKind::Rim | SpanKind::Halo => (self.kernels.edge)(self.source, span.taps, cells),
         }
     }
 

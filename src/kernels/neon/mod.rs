@@ -2,7 +2,7 @@
 //!
 //! There is no gather, and none is missed: the pixels of a cell are loaded by its own address, two neighbours of a row at
 //! once. All but one kernel load just the bytes of the four pixels, which exist wherever a run is
-//! [`RunKind::Inside`](crate::table::RunKind::Inside); only RGB of 8 bits loads 8 bytes for 6 and asks
+//! [`SpanKind::Inside`](crate::table::SpanKind::Inside); only RGB of 8 bits loads 8 bytes for 6 and asks
 //! [`Plane::limit`] first.
 
 mod bytes;

@@ -8,7 +8,7 @@ use crate::cpu::Isa;
 use crate::cpu::for_each_isa;
 use crate::error::Result;
 use crate::kernels::{Row, unpack};
-use crate::table::{RunKind, Segment, Table, unframed};
+use crate::table::{Span, SpanKind, Table, unframed};
 use crate::view::buffer;
 
 /// The coordinate of a cell without an image.
@@ -84,35 +84,35 @@ impl Coordinates {
             return;
         };
         let (width, _) = table.source();
-        for segment in table.row(row) {
-            if segment.kind.is_valid() {
-                let start = if self.seen.is_empty() { segment.first } else { self.seen.start };
-                self.seen = start..segment.first + segment.cells;
+        for span in table.row(row) {
+            if span.kind.is_valid() {
+                let start = if self.seen.is_empty() { span.first } else { self.seen.start };
+                self.seen = start..span.first + span.cells;
             }
-            self.read_cells(isa, segment, width);
+            self.read_cells(isa, span, width);
         }
     }
 
     /// Reads some cells of a row, of a source of this width.
-    pub(crate) fn read_cells(&mut self, isa: Isa, segment: Segment<'_>, width: u32) {
-        let cells = segment.first..segment.first + segment.cells;
+    pub(crate) fn read_cells(&mut self, isa: Isa, span: Span<'_>, width: u32) {
+        let cells = span.first..span.first + span.cells;
         let own = LEAD + cells.start..LEAD + cells.end;
         let (xs, ys) = (&mut self.xs[own.clone()], &mut self.ys[own]);
-        match segment.kind {
-            RunKind::Outside => {
+        match span.kind {
+            SpanKind::Outside => {
                 xs.fill(OUTSIDE);
                 ys.fill(OUTSIDE);
             }
-            RunKind::Inside => unpack(isa, segment.taps, width, xs, ys),
-            RunKind::Rim | RunKind::Halo => {
-                for ((x, y), tap) in xs.iter_mut().zip(ys).zip(segment.taps) {
+            SpanKind::Inside => unpack(isa, span.taps, width, xs, ys),
+            SpanKind::Rim | SpanKind::Halo => {
+                for ((x, y), tap) in xs.iter_mut().zip(ys).zip(span.taps) {
                     let (column, row) = unframed(tap.offset, width);
                     *x = fixed(column as i32, tap.fx());
                     *y = fixed(row as i32, tap.fy());
                 }
             }
         }
-        if segment.kind.is_valid() {
+        if span.kind.is_valid() {
             self.valid[cells].fill(1);
         }
     }

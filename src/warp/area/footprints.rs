@@ -5,7 +5,7 @@ use crate::cpu::for_each_isa;
 use crate::error::Result;
 use crate::lut::area::block::{LANES, Size};
 use crate::lut::area::{Block, Coordinates, Piece, RowPlan};
-use crate::table::{Segment, Table};
+use crate::table::{Span, Table};
 use crate::view::buffer;
 
 /// Footprints of neighbouring cells, an array for each number with an entry for each cell of the row, so that loops over
@@ -30,7 +30,7 @@ impl Footprints {
     }
 
     /// Works out the footprints of a piece, whose cells are these, on a source of this width.
-    pub(super) fn work_out(&mut self, plan: &RowPlan<'_>, piece: &Piece, cells: Segment<'_>, width: u32) {
+    pub(super) fn work_out(&mut self, plan: &RowPlan<'_>, piece: &Piece, cells: Span<'_>, width: u32) {
         self.at.read_cells(self.isa, cells, width);
         let (blocks, first) = plan.blocks(piece);
         let at = self.at.axes().map(|axis| &axis[1 + first..]);

@@ -25,7 +25,7 @@ use crate::lut::Lut;
 use crate::lut::area::block::LANES;
 use crate::lut::area::{Piece, Plan, RowPlan, Shape, leaves};
 use crate::parallel;
-use crate::table::{RunKind, Segment, Tap};
+use crate::table::{Span, SpanKind, Tap};
 use crate::view::F16;
 use crate::view::buffer;
 use crate::view::{ImageView, ImageViewMut, RowsMut};
@@ -144,23 +144,23 @@ impl<T: Bilinear + Average> Job<'_, T> {
         let (mut footprints, mut pieces) = (Footprints::new(self.isa, self.lut.table())?, Vec::new());
         for (row, cells) in (first..).zip(rows) {
             let plan = self.plan.row(row);
-            for segment in self.lut.table().row(row) {
-                let own = segment.first..segment.first + segment.cells;
+            for span in self.lut.table().row(row) {
+                let own = span.first..span.first + span.cells;
                 let cells = &mut cells[own.start * channels..own.end * channels];
                 pieces.clear();
-                if segment.kind.is_valid() {
+                if span.kind.is_valid() {
                     plan.pieces(own, &mut pieces)?;
                 }
-                self.segment(segment, &plan, &pieces, &mut footprints, cells, &mut scratch)?;
+                self.span(span, &plan, &pieces, &mut footprints, cells, &mut scratch)?;
             }
         }
         Ok(())
     }
 
-    /// Fills the cells of a segment, of which these are averaged.
-    fn segment(
+    /// Fills the cells of a span, of which these are averaged.
+    fn span(
         &self,
-        segment: Segment<'_>,
+        span: Span<'_>,
         plan: &RowPlan<'_>,
         pieces: &[Piece],
         footprints: &mut Footprints,
@@ -168,17 +168,17 @@ impl<T: Bilinear + Average> Job<'_, T> {
         scratch: &mut Scratch<T>,
     ) -> Result<()> {
         let channels = self.source.channels();
-        let kernel = match segment.kind {
-            RunKind::Outside => {
+        let kernel = match span.kind {
+            SpanKind::Outside => {
                 self.source.fill_border(cells);
                 return Ok(());
             }
-            RunKind::Inside => self.bilinear.inside,
-            RunKind::Rim | RunKind::Halo => self.bilinear.edge,
+            SpanKind::Inside => self.bilinear.inside,
+            SpanKind::Rim | SpanKind::Halo => self.bilinear.edge,
         };
-        let (mut taps, mut rest, mut next) = (segment.taps, cells, segment.first);
+        let (mut taps, mut rest, mut next) = (span.taps, cells, span.first);
         // one more of no cells at the end
-        let none = Piece { first: segment.first + segment.cells, cells: 0, ..Piece::NONE };
+        let none = Piece { first: span.first + span.cells, cells: 0, ..Piece::NONE };
         for piece in pieces.iter().chain([&none]) {
             let (before, own, cells_before, own_cells);
             (before, taps) = taps.split_at(piece.first - next);
@@ -190,19 +190,19 @@ impl<T: Bilinear + Average> Job<'_, T> {
                 kernel(self.source, before, cells_before);
             }
             if !own.is_empty() {
-                let segment = Segment { first: piece.first, cells: piece.cells, taps: own, ..segment };
-                self.piece(piece, plan, segment, footprints, own_cells, scratch)?;
+                let span = Span { first: piece.first, cells: piece.cells, taps: own, ..span };
+                self.piece(piece, plan, span, footprints, own_cells, scratch)?;
             }
         }
         Ok(())
     }
 
-    /// Averages the footprints of a piece, whose cells are those of `segment`.
+    /// Averages the footprints of a piece, whose cells are those of `span`.
     fn piece(
         &self,
         piece: &Piece,
         plan: &RowPlan<'_>,
-        segment: Segment<'_>,
+        span: Span<'_>,
         footprints: &mut Footprints,
         cells: &mut [T],
         scratch: &mut Scratch<T>,
@@ -211,15 +211,15 @@ impl<T: Bilinear + Average> Job<'_, T> {
         let lattice = Lattice::new(piece, first, level.width());
         let (width, _) = self.lut.source_size();
         let source = Source::new(level, self.source.border());
-        let fused = self.fused.filter(|_| segment.kind == RunKind::Inside);
+        let fused = self.fused.filter(|_| span.kind == SpanKind::Inside);
         if let (Some(fused), false) = (fused, piece.clipped) {
-            fused(&source, &lattice.probes(plan, piece, segment.taps, width), cells);
+            fused(&source, &lattice.probes(plan, piece, span.taps, width), cells);
             return Ok(());
         }
-        footprints.work_out(plan, piece, segment, width);
+        footprints.work_out(plan, piece, span, width);
         // of the cells of blocks of which a probe leaves the image, mostly few do
         let channels = self.source.channels();
-        let (mut taps, mut rest) = (segment.taps, cells);
+        let (mut taps, mut rest) = (span.taps, cells);
         for (part, is_clipped) in self.parts(piece, footprints)? {
             let (own, cells);
             (own, taps) = taps.split_at(part.cells);
