@@ -447,20 +447,6 @@ pub enum Error {
         /// (width, height) that came.
         got: (usize, usize),
     },
-    /// A buffer that does not hold the points it claims.
-    #[error(
-        "points: {count} rows of {columns} numbers with stride {stride} do not fit a buffer of {length} numbers; at least 3 columns are x, y, z"
-    )]
-    PointsBuffer {
-        /// Points.
-        count: usize,
-        /// Numbers of a point.
-        columns: usize,
-        /// Numbers from one point to the next.
-        stride: isize,
-        /// Numbers in the buffer.
-        length: usize,
-    },
     /// An output for another number of points.
     #[error("{what}: expected {expected} entries, got {got}")]
     PointsLength {
@@ -500,14 +486,14 @@ pub enum Error {
         length: usize,
     },
     /// Points without the coordinates that are needed.
-    #[error(
-        "points: expected at least {expected} columns (x, y, z), got {got}; without z only values=, count and density can be had"
-    )]
+    #[error("points: expected at least {expected} columns (x, y, z), got {got}{mend}")]
     PointColumns {
         /// Columns that are needed.
         expected: usize,
         /// Columns that came.
         got: usize,
+        /// What else can be done, for the end of the message.
+        mend: &'static str,
     },
     /// Values of another number than the points.
     #[error("values: expected a row of at least one value for each of the {expected} points, got {} rows of {}", got.0, got.1)]

@@ -4,14 +4,13 @@ use nalgebra::Matrix3;
 
 use super::kernels::{self, PinholeRays, Planar, PointsRow, Rotate, Unit};
 use super::rays::{self, PixelRays, Viewpoint};
-use super::{DepthSample, PointSample};
 use crate::camera::Camera;
 use crate::cpu::Isa;
 use crate::error::{Error, Result};
 use crate::geometry::Pose;
 use crate::parallel;
 use crate::view::buffer;
-use crate::view::{ImageView, ImageViewMut};
+use crate::view::{DepthSample, ImageView, ImageViewMut, PointSample};
 
 /// What a depth image measures.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]

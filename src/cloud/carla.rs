@@ -7,7 +7,7 @@ use super::kernels::{self, Decode, Encode};
 use crate::cpu::Isa;
 use crate::error::{Error, Result};
 use crate::parallel;
-use crate::view::{ImageView, ImageViewMut};
+use crate::view::{ImageView, ImageViewMut, PointSample};
 
 /// The largest code, 256^3 - 1.
 const LARGEST: f64 = 16_777_215.0;
@@ -115,7 +115,7 @@ pub fn decode_carla_depth_into(
 /// # Errors
 /// [`Error::DepthChannels`], [`Error::OutputShape`], [`Error::Threads`] and [`Error::Isa`] before anything is written;
 /// [`Error::NegativeDepth`] where a number is negative or NaN, after.
-pub fn encode_carla_depth_into<T: super::PointSample>(
+pub fn encode_carla_depth_into<T: PointSample>(
     depth: &ImageView<'_, T>,
     order: ChannelOrder,
     unit: DepthUnit,

@@ -6,11 +6,10 @@
 
 use nalgebra::Matrix3;
 
-use super::PointSample;
 use crate::error::{Error, Result};
 use crate::parallel::check_interrupt;
-use crate::view::ImageView;
 use crate::view::buffer;
+use crate::view::{ImageView, PointSample};
 
 /// Metres of depth 1.
 const FAR: f64 = 1000.0;

@@ -8,8 +8,6 @@ mod project;
 mod rays;
 mod render;
 
-pub use crate::view::PointsView;
-pub use crate::view::{DepthSample, PointSample};
 pub use back_project::{DepthCloud, DepthKind, DepthOptions, cloud_from_depth};
 pub use back_project::{points_from_depth_into, points_size};
 pub use carla::{ChannelOrder, DepthUnit, decode_carla_depth_into, encode_carla_depth_into};

@@ -1,12 +1,12 @@
 //! Points to pixels, many at once.
 
 use super::kernels::{self, ProjectLens, ProjectPinhole};
-use super::{PointSample, PointsView};
 use crate::camera::Camera;
 use crate::camera::lens::each_distort;
 use crate::cpu::Isa;
 use crate::error::{Error, Result};
 use crate::parallel;
+use crate::view::{PointSample, Strided};
 
 /// Where points fall on an image, an entry for each.
 #[derive(Debug)]
@@ -25,14 +25,17 @@ const CHUNK: usize = 1 << 13;
 /// Projects points of the vehicle frame, in float64: what [`Camera::project`] gives for each of them, to the last bit.
 ///
 /// # Errors
-/// [`Error::PointsLength`], [`Error::Threads`] and [`Error::Isa`], before anything is written.
+/// [`Error::PointColumns`], [`Error::PointsLength`], [`Error::Threads`] and [`Error::Isa`], before anything is written.
 pub fn project_into<T: PointSample>(
     camera: &Camera,
-    points: &PointsView<'_, T>,
+    points: &Strided<'_, T>,
     out: Projections<'_>,
     threads: Option<usize>,
 ) -> Result<()> {
-    let expected = points.len();
+    if points.columns() < 3 {
+        return Err(Error::PointColumns { expected: 3, got: points.columns(), mend: "" });
+    }
+    let expected = points.rows();
     for (what, got) in [("uv", out.uv.len()), ("depth", out.depth.len()), ("valid", out.valid.len())] {
         if got != expected {
             return Err(Error::PointsLength { what, expected, got });
@@ -50,23 +53,23 @@ pub fn project_into<T: PointSample>(
 pub(super) fn project_chunk<T: PointSample>(
     isa: Isa,
     camera: &Camera,
-    points: &PointsView<'_, T>,
+    points: &Strided<'_, T>,
     first: usize,
     out: Projections<'_>,
 ) {
     /// Points that lie otherwise than one after the other are brought together, so many at a time.
     const TOGETHER: usize = 128;
     let count = out.uv.len();
-    if let Some(points) = points.chunks::<3>(first, count) {
+    if let Some(points) = points.packed::<3>(first, count) {
         project_dense(isa, camera, points, out);
-    } else if let Some(points) = points.chunks::<4>(first, count) {
+    } else if let Some(points) = points.packed::<4>(first, count) {
         project_dense(isa, camera, points, out);
     } else {
         let mut together = [[T::default(); 3]; TOGETHER];
         let outs = out.uv.chunks_mut(TOGETHER).zip(out.depth.chunks_mut(TOGETHER)).zip(out.valid.chunks_mut(TOGETHER));
         for (start, ((uv, depth), valid)) in (first..).step_by(TOGETHER).zip(outs) {
             for (i, point) in together[..uv.len()].iter_mut().enumerate() {
-                point.copy_from_slice(&points.row(start + i)[..3]);
+                *point = points.first(start + i);
             }
             project_dense(isa, camera, &together[..uv.len()], Projections { uv, depth, valid });
         }
@@ -154,22 +157,22 @@ mod tests {
             let bits = |number: f64| if number.is_nan() { u64::MAX } else { number.to_bits() };
             (pixel.map(bits), bits(depth), valid)
         };
-        let backwards = PointsView::with_stride(&data, 20_011, 4, data.len() - 4, -4).unwrap();
-        let packed = PointsView::new(&data[..3 * 20_011], 3).unwrap();
-        for (camera, points) in cameras()
-            .iter()
-            .flat_map(|camera| [PointsView::new(&data, 4).unwrap(), packed, backwards].map(|points| (camera, points)))
-        {
-            let expected: Vec<_> = (0..points.len())
+        let backwards = Strided::with_strides(&data, (20_011, 4), data.len() - 4, (-4, 1)).unwrap();
+        let packed = Strided::new(&data[..3 * 20_011], 3).unwrap();
+        let columns = Strided::with_strides(&data, (20_011, 3), 0, (1, 20_011)).unwrap();
+        for (camera, points) in cameras().iter().flat_map(|camera| {
+            [Strided::new(&data, 4).unwrap(), packed, backwards, columns].map(|points| (camera, points))
+        }) {
+            let expected: Vec<_> = (0..points.rows())
                 .map(|i| {
-                    let row = points.row(i);
+                    let row: [f64; 3] = points.first(i);
                     let one = camera.project(&Vector3::new(row[0], row[1], row[2]));
                     bits(one.pixel, one.depth, one.valid)
                 })
                 .collect();
             assert!(expected.iter().any(|one| one.2) && expected.iter().any(|one| !one.2));
             for &isa in Isa::available() {
-                for (first, count) in [(0, points.len()), (3, 0), (5, 1), (11, 1023)] {
+                for (first, count) in [(0, points.rows()), (3, 0), (5, 1), (11, 1023)] {
                     let (mut uv, mut depth, mut valid) = (vec![[0.0; 2]; count], vec![0.0; count], vec![false; count]);
                     let out = Projections { uv: &mut uv, depth: &mut depth, valid: &mut valid };
                     project_chunk(isa, camera, &points, first, out);
@@ -182,7 +185,7 @@ mod tests {
 
     #[test]
     fn refuses_outputs_of_other_lengths() {
-        let points = PointsView::new(&[1.0f32; 9], 3).unwrap();
+        let points = Strided::new(&[1.0f32; 9], 3).unwrap();
         let (mut uv, mut depth, mut valid) = ([[0.0; 2]; 3], [0.0; 2], [false; 3]);
         let out = Projections { uv: &mut uv, depth: &mut depth, valid: &mut valid };
         let got = project_into(&camera(), &points, out, None);

@@ -3,13 +3,13 @@
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use super::project::project_chunk;
-use super::{DepthKind, PointSample, PointsView, Projections};
+use super::{DepthKind, Projections};
 use crate::camera::Camera;
 use crate::cpu::Isa;
 use crate::error::{Error, Result};
 use crate::parallel;
 use crate::view::buffer;
-use crate::view::{ImageView, ImageViewMut, Sample};
+use crate::view::{ImageView, ImageViewMut, PointSample, Sample, Strided};
 
 /// In an index image, a pixel that no point falls on.
 pub const NO_POINT: i64 = -1;
@@ -57,7 +57,7 @@ impl Default for RenderOptions {
 /// [`Error::OutOfMemory`], before anything is written.
 pub fn render_points_into<T: PointSample>(
     camera: &Camera,
-    points: &PointsView<'_, T>,
+    points: &Strided<'_, T>,
     options: &RenderOptions,
     depth: &mut ImageViewMut<'_, f32>,
     index: &mut ImageViewMut<'_, i64>,
@@ -70,18 +70,18 @@ pub fn render_points_into<T: PointSample>(
     }
     super::check_points("camera", (width, height), "use camera.resized()")?;
     let splat = Splat::new(options, width.max(height))?;
-    if points.len() > u32::MAX as usize {
-        let (got, limit) = (points.len(), u32::MAX as usize);
+    if points.rows() > u32::MAX as usize {
+        let (got, limit) = (points.rows(), u32::MAX as usize);
         return Err(Error::TooManyPoints { what: "points", got, limit, mend: "draw them in parts" });
     }
     let isa = Isa::active()?;
-    let threads = super::threads_for(options.threads, points.len().saturating_mul(64) + width * height)?;
+    let threads = super::threads_for(options.threads, points.rows().saturating_mul(64) + width * height)?;
     let mut nearest: Vec<AtomicU64> = buffer::reserved("depth", width * height)?;
     nearest.resize_with(width * height, || AtomicU64::new(EMPTY));
     let canvas = Canvas { nearest: &nearest, width, height, alone: threads == 1 };
-    let chunks = (0..points.len()).step_by(CHUNK);
+    let chunks = (0..points.rows()).step_by(CHUNK);
     parallel::for_each(threads, chunks, |first| {
-        let end = points.len().min(first + CHUNK);
+        let end = points.rows().min(first + CHUNK);
         for first in (first..end).step_by(TOGETHER) {
             let count = TOGETHER.min(end - first);
             let (mut uv, mut distance, mut valid) = ([[0.0; 2]; TOGETHER], [0.0; TOGETHER], [false; TOGETHER]);
@@ -89,7 +89,7 @@ pub fn render_points_into<T: PointSample>(
             project_chunk(isa, camera, points, first, out);
             if options.kind == DepthKind::Ray {
                 for (i, distance) in distance[..count].iter_mut().enumerate() {
-                    let row = points.row(first + i);
+                    let row: [T; 3] = points.first(first + i);
                     let [x, y, z] = [0, 1, 2].map(|axis| row[axis].to_f64() - camera.position()[axis]);
                     *distance = (x * x + y * y + z * z).sqrt();
                 }

@@ -16,7 +16,7 @@ pub use interrupt::interruptible;
 
 use crate::error::{Error, Result};
 #[cfg(feature = "python")]
-use crate::view::buffer::{self, Zeroable};
+use crate::view::buffer;
 use crew::Crew;
 
 /// Threads asked for by [`set_num_threads`]; 0 before it is called.
@@ -133,7 +133,7 @@ pub(crate) fn for_each<J: Send>(
 /// # Errors
 /// [`Error::OutOfMemory`] for `what`, and [`Error::Interrupted`].
 #[cfg(feature = "python")]
-pub(crate) fn map<T: Sync, U: Zeroable>(
+pub(crate) fn map<T: Sync, U: bytemuck::Zeroable + Copy + Send + Sync>(
     what: &'static str,
     threads: usize,
     items: &[T],

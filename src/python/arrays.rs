@@ -18,6 +18,7 @@ use pyo3::types::{PyDict, PyFloat, PyInt, PyList, PyTuple, PyType};
 use super::convert::type_name;
 use super::error::OrRefuse;
 use super::error::classes::{ArgumentError, ArgumentTypeError, OutOfMemoryError};
+use crate::view::{Sample, Strided, reach};
 
 /// An array-like of real numbers as an array, in whatever dtype, order and alignment it comes.
 ///
@@ -112,6 +113,30 @@ pub(super) fn copied<'py>(
     });
     let refuse = || ArgumentTypeError::new_err(format!("{name}: expected numbers that {dtype} holds, got others"));
     Ok(copy.or_refuse(py, refuse)?.cast_into()?)
+}
+
+/// The numbers of an array as rows and columns, with strides in bytes.
+///
+/// # Safety
+/// Number (i, j), at those strides from the array's first, is an element of the array for every i and j of the shape, of
+/// which there is one; the strides are whole numbers of elements, and the array is aligned. Nobody writes to it while the
+/// table is used.
+pub(super) unsafe fn table<'a, T: Sample>(
+    array: &'a Bound<'_, PyUntypedArray>,
+    shape: (usize, usize),
+    strides: (isize, isize),
+) -> crate::Result<Strided<'a, T>> {
+    let sample = size_of::<T>();
+    assert_eq!(sample, array.dtype().itemsize(), "chosen by the dtype");
+    let strides = (strides.0 / sample as isize, strides.1 / sample as isize);
+    let (before, behind) = reach(shape, strides).expect("an array that exists can be addressed");
+    // SAFETY: `PyArrayDyn<T>` is a transparent NumPy array whatever T is, and no element is read as T.
+    let bytes: &Bound<'_, PyArrayDyn<u8>> = unsafe { array.cast_unchecked() };
+    let first = bytes.data().cast::<T>().cast_const();
+    // SAFETY: from the lowest to the highest number of the array, by the caller's word: its own memory or that of the
+    // array that it is a view of. A `Sample` takes any bits.
+    let data = unsafe { std::slice::from_raw_parts(first.wrapping_sub(before), before + behind + 1) };
+    Strided::with_strides(data, shape, before, strides)
 }
 
 /// Borrows an array for reading, until the result is dropped; no Python code of an argument may run meanwhile.

@@ -120,7 +120,6 @@ impl From<Error> for PyErr {
             | Error::Crop { .. }
             | Error::BorderChannels { .. }
             | Error::DepthLimit { .. }
-            | Error::PointsBuffer { .. }
             | Error::PointsLength { .. }
             | Error::TooManyPoints { .. }
             | Error::PointTable { .. }

@@ -8,7 +8,7 @@ use pyo3::prelude::*;
 use super::arrays;
 use super::convert::{rows_hint, tuple_text};
 use super::error::classes::ArgumentError;
-use crate::cloud::{PointSample, PointsView};
+use crate::view::{PointSample, Strided};
 
 /// An (N, k) array of float32 or float64 whose rows lie anywhere and whose columns are adjacent.
 pub(super) struct PointsArray<'py> {
@@ -77,34 +77,27 @@ impl<'py> PointsArray<'py> {
     pub(super) fn read(&self) -> PyResult<ReadingPoints<'_, 'py>> {
         // SAFETY: `PyArrayDyn<T>` is a transparent NumPy array whatever T is, and no element is read as T.
         let bytes: &Bound<'py, PyArrayDyn<u8>> = unsafe { self.array.cast_unchecked() };
-        Ok(ReadingPoints { points: self, borrow: arrays::borrow("points", bytes)? })
+        Ok(ReadingPoints { points: self, _borrow: arrays::borrow("points", bytes)? })
     }
 }
 
 /// Points whose array is borrowed for reading.
 pub(super) struct ReadingPoints<'a, 'py> {
     points: &'a PointsArray<'py>,
-    borrow: PyReadonlyArrayDyn<'py, u8>,
+    _borrow: PyReadonlyArrayDyn<'py, u8>,
 }
 
 impl ReadingPoints<'_, '_> {
     /// The points, `T` being of the array's dtype.
-    pub(super) fn view<T: PointSample>(&self) -> crate::Result<PointsView<'_, T>> {
+    pub(super) fn view<T: PointSample>(&self) -> crate::Result<Strided<'_, T>> {
         let array = &self.points.array;
         let (count, columns) = (array.shape()[0], array.shape()[1]);
-        assert_eq!(size_of::<T>(), array.dtype().itemsize(), "chosen by the dtype");
         if count == 0 {
-            return PointsView::with_stride(&[], 0, columns, 0, columns as isize);
+            return Strided::with_strides(&[], (0, columns), 0, (0, 0));
         }
         // an axis of length 1 is never stepped along, so NumPy lets its stride be anything
-        let stride = if count == 1 { columns as isize } else { array.strides()[0] / size_of::<T>() as isize };
-        let far = stride * (count as isize - 1);
-        let first = self.borrow.data().cast::<T>().cast_const();
-        let before = far.min(0).unsigned_abs();
-        let length = far.unsigned_abs() + columns;
-        // SAFETY: the memory between the first and the last number of the array's own rows, checked to be aligned and
-        // adjacent; the borrow keeps writers that use rust-numpy away, and any bits are a number.
-        let data = unsafe { std::slice::from_raw_parts(first.wrapping_sub(before), length) };
-        PointsView::with_stride(data, count, columns, before, stride)
+        let step = |axis: usize| if array.shape()[axis] == 1 { 0 } else { array.strides()[axis] };
+        // SAFETY: the array's own strides, and the borrow keeps writers that use rust-numpy away.
+        unsafe { arrays::table(array, (count, columns), (step(0), step(1))) }
     }
 }

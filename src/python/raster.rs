@@ -1,8 +1,6 @@
 //! `rasterize`.
 
-use numpy::{
-    Element, PyArray1, PyArrayDescrMethods, PyArrayDyn, PyArrayMethods, PyUntypedArray, PyUntypedArrayMethods,
-};
+use numpy::{Element, PyArray1, PyArrayDescrMethods, PyArrayMethods, PyUntypedArray, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyString, PyTuple};
 
@@ -13,8 +11,8 @@ use super::error::classes::{ArgumentError, ArgumentTypeError, DtypeError};
 use super::grid::PyBevGrid;
 use super::options::thread_count;
 use super::shared;
-use crate::raster::{Coordinates, RasterOptions, Real, Reduce, Strided, Values, rasterize_values};
-use crate::view::buffer;
+use crate::raster::{Coordinates, RasterOptions, Reduce, Values, rasterize_values};
+use crate::view::{PointSample, Sample, Strided, buffer};
 use crate::{BevGrid, raster};
 
 #[doc = help!("rasterize")]
@@ -78,7 +76,11 @@ struct Call<'a> {
 }
 
 impl Call<'_> {
-    fn z<'py, P: Real + Element>(&self, py: Python<'py>, points: &Strided<'_, P>) -> PyResult<Bound<'py, PyAny>> {
+    fn z<'py, P: PointSample + Element>(
+        &self,
+        py: Python<'py>,
+        points: &Strided<'_, P>,
+    ) -> PyResult<Bound<'py, PyAny>> {
         let raster = detached::run(py, || raster::rasterize(points, None, &self.grid, self.options))?;
         self.layers(py, raster, None)
     }
@@ -113,7 +115,7 @@ impl Call<'_> {
         }
     }
 
-    fn run<'py, T: Real + Element>(
+    fn run<'py, T: PointSample + Element>(
         &self,
         py: Python<'py>,
         points: &dyn Coordinates,
@@ -125,7 +127,7 @@ impl Call<'_> {
     }
 
     /// `ipm_rs.Layers`.
-    fn layers<'py, T: Real + Element>(
+    fn layers<'py, T: PointSample + Element>(
         &self,
         py: Python<'py>,
         mut raster: raster::Raster<T>,
@@ -292,28 +294,17 @@ impl<'py> Table<'py> {
     }
 
     /// Borrows the array while `work` reads its numbers, which are of the size and the kind of `S`.
-    fn with<S: Copy, R>(&self, work: impl FnOnce(&Strided<'_, S>) -> PyResult<R>) -> PyResult<R> {
-        let sample = size_of::<S>();
-        assert_eq!(sample, self.array.dtype().itemsize(), "chosen by the dtype");
-        // SAFETY: `PyArrayDyn<T>` is a transparent NumPy array whatever T is, and no element is read as T.
-        let bytes: &Bound<'py, PyArrayDyn<u8>> = unsafe { self.array.cast_unchecked() };
+    fn with<S: Sample, R>(&self, work: impl FnOnce(&Strided<'_, S>) -> PyResult<R>) -> PyResult<R> {
         if self.rows == 0 || self.columns == 0 {
             return work(&Strided::with_strides(&[], (self.rows, self.columns), 0, (0, 0))?);
         }
         let borrowed = arrays::to_borrow(&self.array)?;
-        // SAFETY: as above.
+        // SAFETY: `PyArrayDyn<T>` is a transparent NumPy array whatever T is, and no element is read as T.
         let _borrow = arrays::borrow::<u8>(self.name, unsafe { borrowed.cast_unchecked() })?;
-        let reach = |count: usize, stride: isize| stride * (count as isize - 1);
-        let (down, across) = (reach(self.rows, self.strides.0), reach(self.columns, self.strides.1));
-        let before = (down.min(0) + across.min(0)).unsigned_abs();
-        let after = (down.max(0) + across.max(0)) as usize;
-        let start = bytes.data().wrapping_sub(before).cast::<S>();
-        // SAFETY: from the lowest to the highest number of the array, all of it the array's memory or that of the array
-        // that it is a view of; aligned, and of a type that takes any bits. The borrow keeps writers that use rust-numpy
-        // away.
-        let data = unsafe { std::slice::from_raw_parts(start, (before + after) / sample + 1) };
-        let strides = (self.strides.0 / sample as isize, self.strides.1 / sample as isize);
-        work(&Strided::with_strides(data, (self.rows, self.columns), before / sample, strides)?)
+        // SAFETY: the strides are the array's own, or lead over its axes one after the other, and the borrow keeps
+        // writers that use rust-numpy away.
+        let table = unsafe { arrays::table::<S>(&self.array, (self.rows, self.columns), self.strides) }?;
+        work(&table)
     }
 }
 

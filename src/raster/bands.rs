@@ -9,7 +9,7 @@ use super::kernels::{Finder, NOWHERE};
 use super::layers::Cells;
 use super::points::{BLOCK, Block, Source};
 use super::{Census, WHAT};
-use crate::view::{Real, prefetch};
+use crate::view::{PointSample, prefetch};
 
 use super::records::Record;
 use crate::cpu::Isa;
@@ -36,7 +36,7 @@ struct Columns<T> {
     heights: Vec<f64>,
 }
 
-impl<T: Real> Columns<T> {
+impl<T: PointSample> Columns<T> {
     fn new(channels: usize) -> Result<Self> {
         let values = buffer::collected(WHAT, (0..channels).map(|_| Vec::new()))?;
         Ok(Self { keys: Vec::new(), values, heights: Vec::new() })
@@ -51,7 +51,7 @@ struct Desk<T> {
     places: Vec<u32>,
 }
 
-impl<T: Real> Desk<T> {
+impl<T: PointSample> Desk<T> {
     fn new(channels: usize, wants_heights: bool) -> Result<Self> {
         let blocks = (0..CHUNK / BLOCK).map(|_| Block::new(channels, wants_heights)).collect::<Result<_>>()?;
         Ok(Self { blocks, places: Vec::new() })
@@ -66,7 +66,7 @@ struct Chunk<T> {
     census: Census,
 }
 
-impl<T: Real> Chunk<T> {
+impl<T: PointSample> Chunk<T> {
     fn new(channels: usize) -> Result<Self> {
         Ok(Self { sorted: Columns::new(channels)?, starts: [0; MAX_BANDS + 1], census: Census::default() })
     }
@@ -210,7 +210,7 @@ impl<E> Shelf<E> {
 }
 
 /// Batch after batch, on so many threads.
-pub(super) fn run<T: Real, R: Record<T>>(
+pub(super) fn run<T: PointSample, R: Record<T>>(
     source: &Source<'_, T>,
     finder: &Finder,
     isa: Isa,

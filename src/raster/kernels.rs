@@ -6,7 +6,7 @@ use super::WHAT;
 use crate::cpu::{Body, Isa, run};
 use crate::error::Result;
 use crate::grid::BevGrid;
-use crate::view::Real;
+use crate::view::PointSample;
 use crate::view::buffer;
 
 /// Key of a point that has no cell.
@@ -112,7 +112,7 @@ pub(super) struct Unpack<'a, P, const K: usize> {
     pub(super) xyz: [&'a mut [f64]; 3],
 }
 
-impl<P: Real, const K: usize> Body for Unpack<'_, P, K> {
+impl<P: PointSample, const K: usize> Body for Unpack<'_, P, K> {
     type Output = ();
 
     #[inline(always)]

@@ -4,8 +4,8 @@ use super::records::Record;
 use super::{Census, RasterOptions, Reduce};
 use crate::cpu::{Body, Isa, run};
 use crate::error::Result;
-use crate::view::buffer::{self, Zeroable, zeroed};
-use crate::view::{Real, prefetch};
+use crate::view::buffer::{self, zeroed};
+use crate::view::{PointSample, prefetch};
 
 /// The layers of points, row 0 the farthest, column 0 the leftmost; those that were not asked for are `None`.
 ///
@@ -39,10 +39,10 @@ pub struct Raster<T> {
     pub ignored: usize,
 }
 
-impl<T: Real> Raster<T> {
+impl<T: PointSample> Raster<T> {
     /// Layers of no points yet, in memory that is not touched.
     pub(super) fn new(options: &RasterOptions<'_>, shape: (usize, usize, usize), channels: usize) -> Result<Self> {
-        fn layer<E: Zeroable>(wanted: bool, count: usize) -> Result<Option<Vec<E>>> {
+        fn layer<E: bytemuck::Zeroable>(wanted: bool, count: usize) -> Result<Option<Vec<E>>> {
             if wanted { zeroed("rasterize", count).map(Some) } else { Ok(None) }
         }
         let cells = shape.0 * shape.1 * shape.2;
@@ -107,7 +107,7 @@ pub(super) struct Cells<'a, T, R> {
     density_scale: f64,
 }
 
-impl<'a, T: Real, R: Record<T>> Cells<'a, T, R> {
+impl<'a, T: PointSample, R: Record<T>> Cells<'a, T, R> {
     /// All cells of a raster.
     pub(super) fn new(raster: &'a mut Raster<T>, density_full: f64) -> Self {
         Self {
@@ -247,7 +247,7 @@ impl<'a, T: Real, R: Record<T>> Cells<'a, T, R> {
 
 struct Finish<'a, 'b, T, R>(&'a mut Cells<'b, T, R>);
 
-impl<T: Real, R: Record<T>> Body for Finish<'_, '_, T, R> {
+impl<T: PointSample, R: Record<T>> Body for Finish<'_, '_, T, R> {
     type Output = ();
 
     #[inline(always)]
@@ -258,7 +258,7 @@ impl<T: Real, R: Record<T>> Body for Finish<'_, '_, T, R> {
 
 /// Writes a layer.
 #[inline(always)]
-fn write<T: Real, R: Record<T>>(layer: &mut Option<&mut [T]>, records: &[R], value: impl Fn(&R) -> T) {
+fn write<T: PointSample, R: Record<T>>(layer: &mut Option<&mut [T]>, records: &[R], value: impl Fn(&R) -> T) {
     let Some(layer) = layer else { return };
     for (cell, record) in layer.iter_mut().zip(records) {
         *cell = value(record);

@@ -1,7 +1,8 @@
 //! Points onto a [`BevGrid`]: counts, heights and whatever else the points carry, as layers.
 //!
 //! ```
-//! use ipm_rs::raster::{RasterOptions, Reduce, Strided, rasterize};
+//! use ipm_rs::raster::{RasterOptions, Reduce, rasterize};
+//! use ipm_rs::view::Strided;
 //! use ipm_rs::{BevGrid, SampleAt};
 //!
 //! # fn main() -> ipm_rs::Result<()> {
@@ -26,7 +27,6 @@ mod points;
 mod records;
 mod shapes;
 
-pub use crate::view::{Cast, Real, Strided};
 pub use layers::Raster;
 pub use points::{Coordinates, Values};
 pub use shapes::{box_corners, check_polygon, draw_polygon};
@@ -35,6 +35,7 @@ use crate::cpu::Isa;
 use crate::error::{Error, Result};
 use crate::grid::{BevGrid, MAX_CELLS};
 use crate::parallel::{self, check_interrupt};
+use crate::view::{PointSample, Strided};
 
 /// What memory is asked for, in errors.
 const WHAT: &str = "rasterize";
@@ -135,7 +136,7 @@ impl RasterOptions<'_> {
 /// [`Error::PointColumns`], [`Error::PointValues`], [`Error::TooManyPoints`], [`Error::Slices`],
 /// [`Error::DensityFull`], [`Error::TooManyCells`], [`Error::Threads`], [`Error::OutOfMemory`]
 /// and [`Error::Isa`].
-pub fn rasterize<T: Real>(
+pub fn rasterize<T: PointSample>(
     points: &Strided<'_, T>,
     values: Option<&dyn Values<T>>,
     grid: &BevGrid,
@@ -148,7 +149,7 @@ pub fn rasterize<T: Real>(
 ///
 /// # Errors
 /// As [`rasterize`].
-pub fn rasterize_values<T: Real>(
+pub fn rasterize_values<T: PointSample>(
     points: &dyn Coordinates,
     values: &dyn Values<T>,
     grid: &BevGrid,
@@ -157,7 +158,7 @@ pub fn rasterize_values<T: Real>(
     run(&Source { points, values: Some(values) }, grid, options)
 }
 
-fn run<T: Real>(source: &Source<'_, T>, grid: &BevGrid, options: &RasterOptions<'_>) -> Result<Raster<T>> {
+fn run<T: PointSample>(source: &Source<'_, T>, grid: &BevGrid, options: &RasterOptions<'_>) -> Result<Raster<T>> {
     options.check()?;
     source.check(options)?;
     let asked = |reduce| options.reduce.contains(&reduce);
@@ -170,7 +171,7 @@ fn run<T: Real>(source: &Source<'_, T>, grid: &BevGrid, options: &RasterOptions<
     }
 }
 
-fn collect<T: Real, R: Record<T>>(
+fn collect<T: PointSample, R: Record<T>>(
     source: &Source<'_, T>,
     grid: &BevGrid,
     options: &RasterOptions<'_>,
@@ -223,7 +224,7 @@ impl std::ops::AddAssign for Census {
 }
 
 /// On this thread, block after block.
-fn whole<T: Real, R: Record<T>>(
+fn whole<T: PointSample, R: Record<T>>(
     source: &Source<'_, T>,
     finder: &Finder,
     isa: Isa,
@@ -269,7 +270,7 @@ mod tests {
             .collect()
     }
 
-    fn bits<T: Real>(layer: &Option<Vec<T>>) -> Vec<u64> {
+    fn bits<T: PointSample>(layer: &Option<Vec<T>>) -> Vec<u64> {
         layer.iter().flatten().map(|value| value.to_f64().to_bits()).collect()
     }
 
@@ -308,7 +309,11 @@ mod tests {
         let flat = Strided::new(&cloud[..20], 2).unwrap();
         assert_eq!(
             rasterize(&flat, None, &grid(), &fresh()).map(|_| ()),
-            Err(Error::PointColumns { expected: 3, got: 2 })
+            Err(Error::PointColumns {
+                expected: 3,
+                got: 2,
+                mend: "; without z only values=, count and density can be had"
+            })
         );
         let few = Strided::new(&cloud[..9], 1).unwrap();
         assert!(matches!(

@@ -6,7 +6,7 @@ use crate::cpu::{Isa, run};
 use crate::error::{Error, Result};
 use crate::view::Strided;
 use crate::view::buffer;
-use crate::view::{Cast, Real};
+use crate::view::{Cast, PointSample};
 
 /// Points that are looked at together: what is known of them stays in the first cache.
 pub(super) const BLOCK: usize = 1024;
@@ -31,7 +31,7 @@ pub trait Values<T>: Sync {
     fn gather(&self, channel: usize, first: usize, positions: &[u32], out: &mut Vec<T>);
 }
 
-impl<P: Real> Coordinates for Strided<'_, P> {
+impl<P: PointSample> Coordinates for Strided<'_, P> {
     fn rows(&self) -> usize {
         Strided::rows(self)
     }
@@ -63,7 +63,7 @@ impl<P: Real> Coordinates for Strided<'_, P> {
     }
 }
 
-impl<T: Real, S: Cast<T>> Values<T> for Strided<'_, S> {
+impl<T: PointSample, S: Cast<T>> Values<T> for Strided<'_, S> {
     fn rows(&self) -> usize {
         Strided::rows(self)
     }
@@ -85,7 +85,7 @@ pub(super) struct Source<'a, T> {
     pub(super) values: Option<&'a dyn Values<T>>,
 }
 
-impl<T: Real> Source<'_, T> {
+impl<T: PointSample> Source<'_, T> {
     pub(super) fn channels(&self) -> usize {
         self.values.map_or(1, Values::channels)
     }
@@ -97,7 +97,8 @@ impl<T: Real> Source<'_, T> {
             || (self.values.is_none() && options.reduce.iter().any(|reduce| reduce.needs_values()));
         let expected = if heights { 3 } else { 2 };
         if columns < expected {
-            return Err(Error::PointColumns { expected, got: columns });
+            let mend = "; without z only values=, count and density can be had";
+            return Err(Error::PointColumns { expected, got: columns, mend });
         }
         if count > MAX_POINTS {
             return Err(Error::TooManyPoints {
@@ -134,7 +135,7 @@ pub(super) struct Block<T> {
     wants_heights: bool,
 }
 
-impl<T: Real> Block<T> {
+impl<T: PointSample> Block<T> {
     /// A block of points with so many values each, of which the heights are kept if they are wanted.
     ///
     /// # Errors

@@ -3,7 +3,7 @@
 //! The values of a cell come in the order of its points. Nothing branches: whether a cell is empty is only known when its
 //! record has arrived, and a wrong guess would cost as much as the wait.
 
-use crate::view::Real;
+use crate::view::PointSample;
 
 /// What a cell, or one channel of it, has collected.
 pub(super) trait Record<T>: Copy + Send + Sync + 'static {
@@ -45,7 +45,7 @@ pub(super) struct Full<T> {
     count: i32,
 }
 
-impl<T: Real> Record<T> for Count {
+impl<T: PointSample> Record<T> for Count {
     const EMPTY: Self = Self(0);
     #[inline(always)]
     fn add(&mut self, _: T) {
@@ -69,7 +69,7 @@ impl<T: Real> Record<T> for Count {
     }
 }
 
-impl<T: Real> Record<T> for Peak<T> {
+impl<T: PointSample> Record<T> for Peak<T> {
     const EMPTY: Self = Self { sum: 0.0, max: T::NAN, count: 0 };
 
     #[inline(always)]
@@ -101,7 +101,7 @@ impl<T: Real> Record<T> for Peak<T> {
     }
 }
 
-impl<T: Real> Record<T> for Full<T> {
+impl<T: PointSample> Record<T> for Full<T> {
     const EMPTY: Self = Self { sum: 0.0, min: T::NAN, max: T::NAN, last: T::NAN, count: 0 };
 
     #[inline(always)]

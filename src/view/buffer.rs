@@ -1,25 +1,8 @@
 //! Memory whose size a caller decides: it may be refused, which is an error and not the end of the process.
 
-use std::alloc::{Layout, alloc_zeroed};
+use bytemuck::Zeroable;
 
 use crate::error::{Error, Result};
-
-/// Types of which zero bytes are a value: memory of theirs can be asked for zeroed.
-///
-/// # Safety
-/// All bytes zero must be a valid value, and the type must have a size.
-pub(crate) unsafe trait Zeroable: Copy + Send + Sync + 'static {}
-
-macro_rules! zeroable {
-    ($($number:ty)*) => {$(
-        // SAFETY: zero bytes are the number 0, or false.
-        unsafe impl Zeroable for $number {}
-    )*};
-}
-zeroable! { bool u8 u16 u32 u64 i8 i16 i32 i64 f32 f64 }
-
-// SAFETY: each element is one.
-unsafe impl<T: Zeroable, const N: usize> Zeroable for [T; N] {}
 
 fn refused<T>(what: &'static str, count: usize) -> Error {
     Error::OutOfMemory { what, bytes: count.saturating_mul(size_of::<T>()) }
@@ -27,18 +10,7 @@ fn refused<T>(what: &'static str, count: usize) -> Error {
 
 /// So many zeros, which cost nothing before they are touched: of several threads, each pays for what it fills.
 pub(crate) fn zeroed<T: Zeroable>(what: &'static str, count: usize) -> Result<Vec<T>> {
-    if count == 0 {
-        return Ok(Vec::new());
-    }
-    let layout = Layout::array::<T>(count).map_err(|_| refused::<T>(what, count))?;
-    // SAFETY: the layout has a size, since neither `count` nor the size of a `Zeroable` is zero.
-    let start = unsafe { alloc_zeroed(layout) }.cast::<T>();
-    if start.is_null() {
-        return Err(refused::<T>(what, count));
-    }
-    // SAFETY: memory of the global allocator with the layout of `count` elements, all of them zero bytes, which are a
-    // value of any `Zeroable` type; a `Vec` frees it with the same layout.
-    Ok(unsafe { Vec::from_raw_parts(start, count, count) })
+    bytemuck::try_zeroed_vec(count).map_err(|()| refused::<T>(what, count))
 }
 
 /// Room for exactly so many elements.

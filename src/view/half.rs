@@ -5,7 +5,7 @@
 //! the last bit, whether or not the CPU has instructions for halves.
 
 /// A half-precision float: 1 sign bit, 5 bits of exponent, 10 of fraction.
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone, Copy, Default, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(transparent)]
 pub struct F16(u16);
 

@@ -2,52 +2,16 @@
 
 use std::marker::PhantomData;
 
+use super::strided::{Strided, lies_within};
 use crate::error::{Error, Result};
-use crate::view::F16;
-
-/// A number that an image may consist of.
-pub trait Sample: Copy + Default + Send + Sync + sealed::Plain {}
-
-pub(crate) mod sealed {
-    /// Plain memory: kernels move samples as bytes.
-    ///
-    /// # Safety
-    /// Implementors have no padding, and every bit pattern is a value.
-    pub unsafe trait Plain {}
-}
-
-macro_rules! samples {
-    ($($number:ty),*) => {$(
-        // SAFETY: a primitive number, or one that is `repr(transparent)` over such.
-        unsafe impl sealed::Plain for $number {}
-        impl Sample for $number {}
-    )*};
-}
-samples!(u8, u16, u32, u64, i8, i16, i32, i64, F16, f32, f64);
-
-/// The bytes of samples.
-pub(crate) fn as_bytes<T: Sample>(samples: &[T]) -> &[u8] {
-    // SAFETY: plain memory of so many bytes, which lives as long as the samples.
-    unsafe { std::slice::from_raw_parts(samples.as_ptr().cast(), size_of_val(samples)) }
-}
-
-/// The bytes of samples, writable.
-pub(crate) fn as_bytes_mut<T: Sample>(samples: &mut [T]) -> &mut [u8] {
-    // SAFETY: as in `as_bytes`; any bytes are samples.
-    unsafe { std::slice::from_raw_parts_mut(samples.as_mut_ptr().cast(), size_of_val(samples)) }
-}
 
 /// A read-only image of interleaved samples: (height, width, channels) with any row stride, also zero or negative.
 #[derive(Debug, Clone, Copy)]
 pub struct ImageView<'a, T> {
-    data: &'a [T],
+    /// A row of samples for each row of pixels.
+    samples: Strided<'a, T>,
     width: usize,
-    height: usize,
     channels: usize,
-    /// Index of the first sample of row 0.
-    origin: usize,
-    /// Samples from one row to the next.
-    row_stride: isize,
 }
 
 impl<'a, T> ImageView<'a, T> {
@@ -72,10 +36,16 @@ impl<'a, T> ImageView<'a, T> {
         row_stride: isize,
     ) -> Result<Self> {
         check_not_empty("image", width, height, channels)?;
-        if rows_fit(data.len(), width.saturating_mul(channels), height, origin, row_stride) {
-            return Ok(Self { data, width, height, channels, origin, row_stride });
-        }
-        Err(Error::ImageBuffer { what: "image", width, height, channels, row_stride, length: data.len() })
+        let shape = (height, width.saturating_mul(channels));
+        let samples = Strided::with_strides(data, shape, origin, (row_stride, 1)).map_err(|_| Error::ImageBuffer {
+            what: "image",
+            width,
+            height,
+            channels,
+            row_stride,
+            length: data.len(),
+        })?;
+        Ok(Self { samples, width, channels })
     }
 
     /// Columns.
@@ -86,7 +56,7 @@ impl<'a, T> ImageView<'a, T> {
 
     /// Rows.
     pub fn height(&self) -> usize {
-        self.height
+        self.samples.rows()
     }
 
     /// Samples per pixel.
@@ -98,19 +68,19 @@ impl<'a, T> ImageView<'a, T> {
     /// The samples between which all rows lie.
     #[inline(always)]
     pub(crate) fn data(&self) -> &'a [T] {
-        self.data
+        self.samples.data()
     }
 
     /// Index of the first sample of row y.
     #[inline]
     pub(crate) fn row_start(&self, y: usize) -> usize {
-        self.origin.wrapping_add_signed((y as isize).wrapping_mul(self.row_stride))
+        self.samples.row_start(y)
     }
 
     /// Whether pixel i of row y is sample `(y * width + i) * channels` of `data`.
     #[inline(always)]
     pub(crate) fn is_contiguous(&self) -> bool {
-        self.origin == 0 && self.row_stride == (self.width * self.channels) as isize
+        self.row_start(0) == 0 && self.samples.row_stride() == (self.width * self.channels) as isize
     }
 
     /// The samples of the pixel at column x, row y.
@@ -119,9 +89,10 @@ impl<'a, T> ImageView<'a, T> {
     /// Where the pixel is not inside the image.
     #[inline]
     pub fn pixel(&self, x: usize, y: usize) -> &'a [T] {
-        assert!(x < self.width && y < self.height, "pixel ({x}, {y}) of a {} x {} image", self.width, self.height);
+        let (width, height) = (self.width, self.height());
+        assert!(x < width && y < height, "pixel ({x}, {y}) of a {width} x {height} image");
         let start = self.row_start(y) + x * self.channels;
-        &self.data[start..start + self.channels]
+        &self.data()[start..start + self.channels]
     }
 }
 
@@ -163,11 +134,12 @@ impl<'a, T> ImageViewMut<'a, T> {
         row_stride: isize,
     ) -> Result<Self> {
         check_not_empty("out", width, height, channels)?;
-        let fits = rows_fit(data.len(), width.saturating_mul(channels), height, origin, row_stride);
+        let shape = (height, width.saturating_mul(channels));
+        let fits = lies_within(data.len(), shape, origin, (row_stride, 1));
         if !fits || (height > 1 && row_stride.unsigned_abs() < width * channels) {
             return Err(Error::ImageBuffer { what: "out", width, height, channels, row_stride, length: data.len() });
         }
-        // SAFETY: `rows_fit` found every row inside `data`, borrowed for 'a, and the stride keeps them apart.
+        // SAFETY: `lies_within` found every row inside `data`, borrowed for 'a, and the stride keeps them apart.
         Ok(unsafe { Self::from_raw(data.as_mut_ptr().wrapping_add(origin), (width, height), channels, row_stride) })
     }
 
@@ -259,16 +231,6 @@ impl<'a, T> Iterator for RowsMut<'a, T> {
         // SAFETY: a row of the image as `ImageViewMut::from_raw` was promised it; taken away, it is handed out once.
         Some(unsafe { std::slice::from_raw_parts_mut(row, self.row_length) })
     }
-}
-
-/// Whether rows at `origin + y * row_stride` lie within a buffer.
-fn rows_fit(length: usize, row_length: usize, height: usize, origin: usize, row_stride: isize) -> bool {
-    let fits = |row: usize| {
-        let begin = isize::try_from(row).ok()?.checked_mul(row_stride)?.checked_add(isize::try_from(origin).ok()?)?;
-        Some(usize::try_from(begin).ok()?.checked_add(row_length)? <= length)
-    };
-    // rows lie on a line, so the first and the last bound all others
-    fits(0) == Some(true) && fits(height - 1) == Some(true)
 }
 
 fn check_not_empty(what: &'static str, width: usize, height: usize, channels: usize) -> Result<()> {

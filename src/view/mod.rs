@@ -2,19 +2,16 @@
 
 pub(crate) mod buffer;
 mod half;
-pub(crate) mod image;
+mod image;
 mod number;
-mod points;
 mod prefetch;
-mod sample;
 mod strided;
 
 pub use half::F16;
-pub use image::{ImageView, ImageViewMut, Sample};
-pub use number::{Cast, Real};
-pub use points::PointsView;
-pub use sample::{DepthSample, PointSample};
-pub use strided::Strided;
+pub use image::{ImageView, ImageViewMut};
+pub use number::{Cast, DepthSample, PointSample, Sample};
+pub use strided::{Strided, reach};
 
-pub(crate) use image::{RowsMut, as_bytes, as_bytes_mut};
+pub(crate) use image::RowsMut;
+pub(crate) use number::{as_bytes, as_bytes_mut};
 pub(crate) use prefetch::prefetch;

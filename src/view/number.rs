@@ -1,36 +1,72 @@
-//! The numbers of points, values and layers.
+//! The numbers that images, depth and points consist of: one family of traits, all of plain memory.
 
-use crate::view::buffer::Zeroable;
+use super::F16;
 
-/// Numbers of points and layers: f32 and f64.
-#[expect(private_bounds, reason = "nobody else makes numbers")]
-pub trait Real: Zeroable + PartialOrd {
-    /// What an empty cell holds.
-    const NAN: Self;
-    /// The same number in float64.
+/// A number that an image may consist of.
+///
+/// Kernels move samples as bytes and read bytes as samples, which is why they are plain memory: no padding, and every bit
+/// pattern is a value.
+pub trait Sample: Default + Send + Sync + sealed::Plain {}
+
+mod sealed {
+    /// Nobody else makes samples.
+    pub trait Plain: bytemuck::Pod {}
+}
+
+macro_rules! samples {
+    ($($number:ty),*) => {$(
+        impl sealed::Plain for $number {}
+        impl Sample for $number {}
+    )*};
+}
+samples!(u8, u16, u32, u64, i8, i16, i32, i64, F16, f32, f64);
+
+/// The bytes of samples.
+pub(crate) fn as_bytes<T: Sample>(samples: &[T]) -> &[u8] {
+    bytemuck::must_cast_slice(samples)
+}
+
+/// The bytes of samples, writable.
+pub(crate) fn as_bytes_mut<T: Sample>(samples: &mut [T]) -> &mut [u8] {
+    bytemuck::must_cast_slice_mut(samples)
+}
+
+/// A number that a depth image may consist of: `u16`, `f32` and `f64`.
+pub trait DepthSample: Sample {
+    /// The same number.
     fn to_f64(self) -> f64;
-    /// The nearest number.
+}
+
+macro_rules! depths {
+    ($($number:ty),*) => {$(
+        impl DepthSample for $number {
+            #[inline(always)]
+            fn to_f64(self) -> f64 {
+                f64::from(self)
+            }
+        }
+    )*};
+}
+depths!(u16, f32, f64);
+
+/// A number that points and layers may consist of: `f32` and `f64`.
+pub trait PointSample: DepthSample + PartialOrd {
+    /// What a point that is none, or an empty cell, holds.
+    const NAN: Self;
+    /// The nearest number: rounded once.
     fn from_f64(value: f64) -> Self;
 }
 
-impl Real for f32 {
+impl PointSample for f32 {
     const NAN: Self = f32::NAN;
-    #[inline(always)]
-    fn to_f64(self) -> f64 {
-        f64::from(self)
-    }
     #[inline(always)]
     fn from_f64(value: f64) -> Self {
         value as f32
     }
 }
 
-impl Real for f64 {
+impl PointSample for f64 {
     const NAN: Self = f64::NAN;
-    #[inline(always)]
-    fn to_f64(self) -> f64 {
-        self
-    }
     #[inline(always)]
     fn from_f64(value: f64) -> Self {
         value

@@ -1,7 +1,7 @@
 //! Colour-coded depth to numbers and back.
 
 use super::Body;
-use crate::cloud::DepthSample;
+use crate::view::DepthSample;
 
 /// Codes of one row to numbers: `code * scale`, rounded once to float32.
 ///

@@ -14,8 +14,8 @@ pub(super) use crate::cpu::{Body, run};
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cloud::{DepthSample, PointSample};
     use crate::cpu::Isa;
+    use crate::view::{DepthSample, PointSample};
 
     /// Numbers in between, and the awkward ones.
     fn numbers(count: usize) -> impl Iterator<Item = f64> {

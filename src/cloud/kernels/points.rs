@@ -1,7 +1,7 @@
 //! Rays and depth to points.
 
 use super::Body;
-use crate::cloud::{DepthSample, PointSample};
+use crate::view::{DepthSample, PointSample};
 
 /// Three coordinates of the rays of a row, each an array of its own.
 pub(in crate::cloud) type Rays<'a> = [&'a mut [f64]; 3];

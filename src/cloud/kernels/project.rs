@@ -3,7 +3,7 @@
 use super::Body;
 use crate::camera::Lens;
 use crate::camera::lens::Distort;
-use crate::cloud::PointSample;
+use crate::view::PointSample;
 
 /// Pixels, depth and validity of points of the vehicle frame; the arithmetic of `Camera::project`, operation for
 /// operation.

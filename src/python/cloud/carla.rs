@@ -4,7 +4,7 @@ use numpy::{PyArrayDescrMethods, dtype};
 use pyo3::prelude::*;
 
 use super::options::{depth_image, named_order, order_of_channels, wrong_dtype};
-use crate::cloud::{ChannelOrder, DepthUnit, PointSample, decode_carla_depth_into, encode_carla_depth_into};
+use crate::cloud::{ChannelOrder, DepthUnit, decode_carla_depth_into, encode_carla_depth_into};
 use crate::python::convert::{flag, tuple_text};
 use crate::python::detached;
 use crate::python::error::classes::ImageError;
@@ -12,6 +12,7 @@ use crate::python::image::{ImageArray, Output};
 use crate::python::layout::Layout;
 use crate::python::options::thread_count;
 use crate::python::shared;
+use crate::view::PointSample;
 
 fn unit(normalized: Option<&Bound<'_, PyAny>>) -> PyResult<DepthUnit> {
     Ok(match normalized.map_or(Ok(false), |object| flag("normalized", object))? {

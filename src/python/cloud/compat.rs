@@ -7,7 +7,7 @@ use pyo3::types::PyTuple;
 
 use super::gather;
 use super::options::depth_image;
-use crate::cloud::{PointSample, carla_084_points, depth_to_lidar as lidar};
+use crate::cloud::{carla_084_points, depth_to_lidar as lidar};
 use crate::python::arrays;
 use crate::python::convert::{float, matrix3, tuple_text, whole};
 use crate::python::detached;
@@ -15,6 +15,7 @@ use crate::python::error::classes::{ArgumentError, ImageError};
 use crate::python::image::ImageArray;
 use crate::python::layout::Layout;
 use crate::python::shared;
+use crate::view::PointSample;
 
 #[doc = help!("depth_to_lidar")]
 #[pyfunction]

@@ -7,9 +7,7 @@ use pyo3::types::{PyList, PyTuple};
 use super::gather;
 use super::options::{self, View, Viewer, depth_image, mask_image, wrong_dtype};
 use crate::ImageView;
-use crate::cloud::{
-    DepthOptions, DepthSample, PointSample, check_points, cloud_from_depth, points_from_depth_into, points_size,
-};
+use crate::cloud::{DepthOptions, check_points, cloud_from_depth, points_from_depth_into, points_size};
 use crate::geometry::Pose;
 use crate::python::convert::{flag, float, text_of, tuple_text, whole};
 use crate::python::detached;
@@ -19,6 +17,7 @@ use crate::python::image::{ImageArray, Output};
 use crate::python::layout::Layout;
 use crate::python::options::thread_count;
 use crate::python::shared;
+use crate::view::{DepthSample, PointSample};
 
 #[doc = help!("points_from_depth")]
 #[pyfunction]

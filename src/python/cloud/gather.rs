@@ -7,8 +7,7 @@ use super::options::wrong_dtype;
 use crate::parallel::check_interrupt;
 use crate::python::detached;
 use crate::python::image::ImageArray;
-use crate::view::Sample;
-use crate::view::buffer;
+use crate::view::{Sample, buffer};
 
 /// Samples that are moved, not computed with, one type for each size.
 macro_rules! by_size {

@@ -4,10 +4,11 @@ use numpy::{PyArray1, PyArray2, PyArrayMethods, dtype};
 use pyo3::prelude::*;
 
 use crate::Camera;
-use crate::cloud::{PointSample, Projections, project_into};
+use crate::cloud::{Projections, project_into};
 use crate::python::detached;
 use crate::python::image::empty_array;
 use crate::python::points::PointsArray;
+use crate::view::PointSample;
 
 /// uv, depth and valid.
 pub(in crate::python) type Projected<'py> =
@@ -36,7 +37,7 @@ fn project_as<'py, T: PointSample>(
     let read = points.read()?;
     let view = read.view::<T>()?;
     // NumPy allocates them, because it asks for huge pages, without which a million points take half as long again
-    let count = view.len();
+    let count = view.rows();
     let uv = empty_array(&[count, 2], dtype::<f64>(py))?.cast_into::<PyArray2<f64>>()?;
     let depth = empty_array(&[count], dtype::<f64>(py))?.cast_into::<PyArray1<f64>>()?;
     let valid = empty_array(&[count], dtype::<u8>(py))?.cast_into::<PyArray1<u8>>()?;

@@ -6,7 +6,7 @@ use pyo3::types::PyTuple;
 
 use super::gather::{as_image, by_size};
 use super::options::{self, wrong_dtype};
-use crate::cloud::{PointSample, RenderOptions, check_points, paint_into, render_points_into};
+use crate::cloud::{RenderOptions, check_points, paint_into, render_points_into};
 use crate::python::arrays;
 use crate::python::camera::PyCamera;
 use crate::python::convert::{float, tuple_text, type_name};
@@ -16,8 +16,7 @@ use crate::python::image::ImageArray;
 use crate::python::layout::Layout;
 use crate::python::options::{BorderValue, thread_count};
 use crate::python::points::PointsArray;
-use crate::view::Sample;
-use crate::view::buffer;
+use crate::view::{PointSample, Sample, buffer};
 use crate::{Camera, ImageView};
 
 #[doc = help!("render_points")]
