@@ -160,7 +160,12 @@ def mutate(samples: dict[str, Sample], count: int, seed: int, directory: Path) -
     than 5 s, or another camera out of a file whose end is missing.
     """
     rng = random.Random(seed)
-    wholes = {title: ipm_rs.Camera.load(sample.write(directory), **sample.options) for title, sample in samples.items()}
+    folders = {title: directory / str(number) for number, title in enumerate(samples)}  # readers look beside a file
+    for folder in folders.values():
+        folder.mkdir(exist_ok=True)
+    wholes = {
+        title: ipm_rs.Camera.load(sample.write(folders[title]), **sample.options) for title, sample in samples.items()
+    }
     for index in range(count):
         title = rng.choice(list(samples))
         sample = samples[title]
@@ -169,7 +174,7 @@ def mutate(samples: dict[str, Sample], count: int, seed: int, directory: Path) -
         mutation = rng.choice(MUTATIONS)
         for _ in range(1 if mutation is cut else rng.choice((1, 1, 2, 4))):
             data = mutation(data, rng) or data
-        path = Sample(sample.format, {**sample.files, file: data}, sample.source, sample.options).write(directory)
+        path = Sample(sample.format, {**sample.files, file: data}, sample.source, sample.options).write(folders[title])
         readers = [ipm_rs.Camera.load, getattr(ipm_rs.Camera, f"from_{sample.format}")]
         start = time.perf_counter()
         try:
