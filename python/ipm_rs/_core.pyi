@@ -1438,6 +1438,16 @@ class Lut:
     def source_size(self) -> tuple[int, int]:
         """(width, height) of the images that it is for."""
     @property
+    def camera(self) -> Camera | None:
+        """The camera that the table is of; None where it was made of maps, a homography or pairs of points."""
+    @property
+    def grid(self) -> BevGrid | None:
+        """The grid of its cells; None where it was made of maps or a homography."""
+    @property
+    def ground(self) -> float | Plane | HeightMap | None:
+        """The road that its camera looks at, as `ground=` takes it: a height in metres where it is level. None where there
+        is no camera."""
+    @property
     def nbytes(self) -> int:
         """Bytes that the table holds, at most 12 a cell; and what the first `warp` with "area" has added to them."""
     @property

@@ -2,8 +2,8 @@
 
 use nalgebra::Matrix3;
 
-use super::Lut;
 use super::build::ProjectiveRow;
+use super::{Lut, Scene};
 use crate::camera::{Camera, Projection, check_image_size};
 use crate::cpu::Isa;
 use crate::error::{Error, Result};
@@ -64,7 +64,7 @@ impl Lut {
             ProjectiveRow { origin, step: h.column(1).into(), culled: true }.fill(isa, &ys, us, vs);
             Ok(0..ys.len())
         })?;
-        Ok(Self { table })
+        Self::of_table(table).with_scene(Scene::new(*grid, None))
     }
 }
 

@@ -6,19 +6,31 @@ mod cells;
 mod density;
 mod maps;
 mod plausibility;
+mod scene;
 
+use crate::camera::Camera;
 use crate::cpu::Isa;
-use crate::error::Result;
+use crate::error::{Error, Result};
+use crate::grid::BevGrid;
+use crate::ground::Ground;
 use crate::table::Table;
 pub(crate) use build::{check_homography, homography_row};
+pub(crate) use scene::Scene;
 
 /// For every cell of an output grid, where on a source image it samples: immutable, comparable, cheap to share.
 ///
 /// One table serves images of any dtype, channel count and row stride, nearest and bilinear; see
-/// [`Lut::warp_into`](crate::Lut::warp_into).
-#[derive(Clone, PartialEq)]
+/// [`Lut::warp_into`](crate::Lut::warp_into). Two are equal where every cell samples alike, whatever they were built from.
+#[derive(Clone)]
 pub struct Lut {
     pub(crate) table: Table,
+    scene: Option<Box<Scene>>,
+}
+
+impl PartialEq for Lut {
+    fn eq(&self, other: &Self) -> bool {
+        self.table == other.table
+    }
 }
 
 impl Lut {
@@ -52,6 +64,40 @@ impl Lut {
             Some(plan) => Ok(plan),
             None => Ok(self.table.area.set(area::Plan::new(Isa::active()?, &self.table)?)),
         }
+    }
+
+    /// The camera that the table is of; none where it was made of maps, of a homography or of pairs of points.
+    pub fn camera(&self) -> Option<&Camera> {
+        self.scene.as_ref()?.camera()
+    }
+
+    /// The grid of its cells; none where it was made of maps or of a homography.
+    pub fn grid(&self) -> Option<&BevGrid> {
+        self.scene.as_ref().map(|scene| scene.grid())
+    }
+
+    /// The road that its camera looks at; none where there is no camera.
+    pub fn ground(&self) -> Option<&Ground> {
+        self.scene.as_ref()?.ground()
+    }
+
+    /// A table of plain coordinates.
+    pub(crate) fn of_table(table: Table) -> Self {
+        Self { table, scene: None }
+    }
+
+    /// The same table, said to be that of a scene.
+    ///
+    /// # Errors
+    /// [`Error::DamagedTable`] where their sizes differ.
+    pub(crate) fn with_scene(self, scene: Scene) -> Result<Self> {
+        let (cells, source) = ((self.rows(), self.columns()), self.source_size());
+        if (scene.grid().rows(), scene.grid().columns()) != cells
+            || scene.camera().is_some_and(|camera| camera.image_size() != source)
+        {
+            return Err(Error::DamagedTable { problem: "it is not the table of its camera and grid" });
+        }
+        Ok(Self { table: self.table, scene: Some(Box::new(scene)) })
     }
 
     pub(crate) fn table(&self) -> &Table {

@@ -12,9 +12,12 @@ use crate::ground::{Ground, is_edge_on};
 const ASKED: usize = 33;
 
 impl Lut {
-    /// What is odd about the table of this camera, grid and road, which is usually a mistake: a camera that is not above its
-    /// road, and a table that samples nothing. Nothing for most tables.
-    pub fn plausibility(&self, camera: &Camera, grid: &BevGrid, ground: &Ground) -> Vec<Finding> {
+    /// What is odd about the table's camera, grid and road, which is usually a mistake: a camera that is not above its
+    /// road, and a table that samples nothing. Nothing for most tables, and where they are not known.
+    pub fn plausibility(&self) -> Vec<Finding> {
+        let (Some(camera), Some(grid), Some(ground)) = (self.camera(), self.grid(), self.ground()) else {
+            return Vec::new();
+        };
         let eye = camera.position();
         let road = ground.nearest_height(&eye);
         let sees_nothing = self.valid_cells() == 0;
@@ -108,7 +111,7 @@ mod tests {
 
     fn findings(camera: &Camera, ground: &Ground) -> (Vec<Finding>, usize) {
         let lut = Lut::new(camera, &grid(), ground).unwrap();
-        (lut.plausibility(camera, &grid(), ground), lut.valid_cells())
+        (lut.plausibility(), lut.valid_cells())
     }
 
     fn because(camera: &Camera, ground: &Ground) -> Unseen {

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use numpy::{PyArray1, PyArray2, PyArrayMethods, PyUntypedArray};
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyTuple, PyType};
+use pyo3::types::{PyDict, PyFloat, PyTuple, PyType};
 
 use super::arrays;
 use super::convert::{Call, Floats, Reduced, float, float_or_two, floats, rebuilt_by_new, tuple_text, type_name};
@@ -240,6 +240,17 @@ pub(super) fn road(ground: Option<&Bound<'_, PyAny>>) -> PyResult<Ground> {
             false => error,
         })?;
     Ok(Ground::height(height)?)
+}
+
+/// A road as Python has it, which [`road`] takes back: a number where it is level, else the `Plane` or the `HeightMap`.
+pub(super) fn road_object<'py>(py: Python<'py>, ground: &Ground) -> PyResult<Bound<'py, PyAny>> {
+    match ground {
+        Ground::Plane(plane) => match plane.coefficients() {
+            [height, 0.0, 0.0] => Ok(PyFloat::new(py, height).into_any()),
+            _ => Ok(Bound::new(py, PyPlane { plane: *plane })?.into_any()),
+        },
+        Ground::HeightMap(map) => Ok(Bound::new(py, PyHeightMap { map: Arc::clone(map) })?.into_any()),
+    }
 }
 
 /// The road, if one is given.

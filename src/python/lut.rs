@@ -12,13 +12,14 @@ use super::detached;
 use super::dtype::{Samples, for_blended, for_moved};
 use super::error::classes::{ArgumentTypeError, ImageError};
 use super::grid::PyBevGrid;
-use super::ground::road;
+use super::ground::{road, road_object};
 use super::image::{ImageArray, Output};
 use super::layout::Layout;
 use super::maps::{MapPair, map_array};
 use super::options::{self, BorderValue};
 use super::shared;
 use super::warnings::warn;
+use crate::lut::Scene;
 use crate::{Bilinear, Error, ImageView, ImageViewMut, Interpolation, Lut, Sample, WarpOptions};
 
 #[doc = help!("Lut")]
@@ -47,7 +48,7 @@ impl PyLut {
         let ground = road(ground)?;
         let (lut, findings) = detached::run(camera.py(), || {
             let lut = Lut::new(&camera_ref.camera, &grid_ref.grid, &ground)?;
-            let findings = lut.plausibility(&camera_ref.camera, &grid_ref.grid, &ground);
+            let findings = lut.plausibility();
             Ok::<_, Error>((lut, findings))
         })?;
         warn(camera.py(), &findings)?;
@@ -154,6 +155,24 @@ impl PyLut {
         self.lut.source_size()
     }
 
+    #[doc = help!("Lut.camera")]
+    #[getter]
+    fn camera(&self) -> Option<PyCamera> {
+        self.lut.camera().map(|camera| PyCamera { camera: *camera })
+    }
+
+    #[doc = help!("Lut.grid")]
+    #[getter]
+    fn grid(&self) -> Option<PyBevGrid> {
+        self.lut.grid().map(|grid| PyBevGrid { grid: *grid })
+    }
+
+    #[doc = help!("Lut.ground")]
+    #[getter]
+    fn ground<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
+        self.lut.ground().map(|ground| road_object(py, ground)).transpose()
+    }
+
     #[doc = help!("Lut.nbytes")]
     #[getter]
     fn nbytes(&self) -> usize {
@@ -201,20 +220,30 @@ impl PyLut {
 
     /// Undoes a pickle; every bound is proved again.
     #[classmethod]
-    #[pyo3(name = "_from_bytes")]
-    fn from_bytes(_cls: &Bound<'_, PyType>, data: &Bound<'_, PyAny>) -> PyResult<Self> {
+    #[pyo3(name = "_from_bytes", signature = (data, camera = None, grid = None, ground = None))]
+    fn from_bytes(
+        _cls: &Bound<'_, PyType>,
+        data: &Bound<'_, PyAny>,
+        camera: Option<PyRef<'_, PyCamera>>,
+        grid: Option<PyRef<'_, PyBevGrid>>,
+        ground: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
         let Ok(bytes) = data.cast::<PyBytes>() else {
             let message = format!("Lut: expected the bytes of a table, got {}", type_name(data));
             return Err(ArgumentTypeError::new_err(message));
         };
         let bytes = bytes.as_bytes();
-        Ok(Self { lut: detached::run(data.py(), || Lut::from_bytes(bytes))? })
+        let lut = detached::run(data.py(), || Lut::from_bytes(bytes))?;
+        let Some(grid) = grid else { return Ok(Self { lut }) };
+        let view = camera.map(|camera| Ok::<_, PyErr>((camera.camera, road(ground)?))).transpose()?;
+        Ok(Self { lut: lut.with_scene(Scene::new(grid.grid, view))? })
     }
 
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
         let bytes = detached::run(py, || self.lut.to_bytes())?;
-        let bytes = new_bytes(py, &bytes)?;
-        Ok((py.get_type::<Self>().getattr("_from_bytes")?, PyTuple::new(py, [bytes])?))
+        let scene = (self.camera(), self.grid(), self.ground(py)?);
+        let arguments = (new_bytes(py, &bytes)?, scene.0, scene.1, scene.2).into_pyobject(py)?;
+        Ok((py.get_type::<Self>().getattr("_from_bytes")?, arguments))
     }
 
     fn __repr__(&self) -> String {

@@ -15,7 +15,7 @@ use crate::view::buffer;
 const MAGIC: &[u8; 8] = b"ipm_rs\x00\x02";
 
 impl Lut {
-    /// The table as bytes, the same on every machine.
+    /// The table as bytes, the same on every machine; not what it was built from.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`] and [`Error::Interrupted`].
@@ -94,7 +94,7 @@ impl Lut {
         if !reader.spans.is_empty() || !reader.taps.is_empty() {
             return Err(damaged("its rows do not fit its header"));
         }
-        Ok(Self { table })
+        Ok(Self::of_table(table))
     }
 }
 

@@ -250,3 +250,64 @@ def test_states_that_are_no_bytes(data):
     arguments[place] = data
     with pytest.raises((TypeError, errors.LutError)):
         rebuild(*arguments)
+
+
+# ---------------------------------------------------------------------------------------------------------------------
+# What a table was built from
+
+SLOPE = ipm_rs.Plane.from_angles(slope=0.03, bank=-0.01, height=-0.2)
+BUMPS = ipm_rs.HeightMap(0.05 * np.sin(np.arange(13.0))[:, None] * np.ones(11), origin=(0.0, -10.0), spacing=(5.0, 2.0))
+
+
+@pytest.mark.parametrize("ground", [0.0, -0.3, SLOPE, BUMPS], ids=["0", "number", "plane", "height map"])
+def test_a_lut_knows_its_camera_grid_and_ground(ground):
+    camera, grid = (
+        ipm_rs.Camera.from_cityscapes(golden.CALIBRATION),
+        ipm_rs.BevGrid(x=(6, 46), y=(-7, 9), resolution=0.5),
+    )
+    lut = ipm_rs.Lut(camera, grid, ground=ground)
+    for one in (lut, pickle.loads(pickle.dumps(lut)), copy.deepcopy(lut)):
+        assert (one.camera, one.grid, one.ground) == (camera, grid, ground)
+        assert type(one.ground) is type(ground)
+        assert ipm_rs.Lut(one.camera, one.grid, ground=one.ground) == lut
+
+
+def test_a_lut_of_maps_knows_no_camera():
+    assert [lut().camera, lut().grid, lut().ground] == [None] * 3
+    matrix = ipm_rs.Lut.from_homography(np.eye(3), size=(4, 3), source_size=(8, 6))
+    for one in (matrix, pickle.loads(pickle.dumps(matrix))):
+        assert [one.camera, one.grid, one.ground] == [None] * 3
+
+
+def test_a_lut_of_pairs_of_points_knows_its_grid_alone():
+    camera, grid = (
+        ipm_rs.Camera.from_cityscapes(golden.CALIBRATION),
+        ipm_rs.BevGrid(x=(6, 46), y=(-7, 9), resolution=0.5),
+    )
+    road = np.array([[10.0, -3.0], [10.0, 3.0], [30.0, 4.0], [28.0, -5.0]])
+    one = ipm_rs.Lut.from_ground_points(camera.project(road)[0], road, grid, source_size=camera.image_size)
+    for again in (one, pickle.loads(pickle.dumps(one))):
+        assert (again.camera, again.grid, again.ground) == (None, grid, None)
+
+
+def test_luts_that_sample_alike_are_equal_whatever_they_are_of():
+    near = ipm_rs.BevGrid(x=(-9, -6), y=(-2, 2), resolution=0.5)
+    cameras = [ipm_rs.Camera.from_euler(golden.K, image_size=(2048, 1024), position=(0, 0, z)) for z in (1.0, 2.0)]
+    with pytest.warns(ipm_rs.CalibrationWarning, match="no cell"):
+        one, other = (ipm_rs.Lut(camera, near) for camera in cameras)
+    assert one == other and one.camera != other.camera
+
+
+def test_a_forged_pickle_does_not_join_a_table_to_another_camera():
+    camera, grid = (
+        ipm_rs.Camera.from_cityscapes(golden.CALIBRATION),
+        ipm_rs.BevGrid(x=(6, 46), y=(-7, 9), resolution=0.5),
+    )
+    restore, (data, *scene) = ipm_rs.Lut(camera, grid).__reduce__()
+    assert scene == [camera, grid, 0.0] and restore(data, *scene).camera == camera
+    for wrong in (
+        (camera.resized(512, 256), grid, 0.0),
+        (camera, ipm_rs.BevGrid(x=(6, 46), y=(-7, 9), resolution=1.0), 0.0),
+    ):
+        with pytest.raises(errors.LutError, match="not the table of its camera"):
+            restore(data, *wrong)

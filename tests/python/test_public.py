@@ -43,7 +43,7 @@ MEMBERS = {
     "Plane": "from_coefficients from_angles coefficients normal height_at",
     "HeightMap": "on_grid heights shape origin spacing height_at",
     "Lut": "from_maps from_homography from_ground_points warp mask maps sampling_density resolved_mask shape "
-    "source_size nbytes",
+    "source_size nbytes camera grid ground",
     "PixelRays": "camera nbytes",
     "Layers": "",
 }

@@ -16,7 +16,7 @@ pub(crate) use projective::ProjectiveRow;
 use surface::Surface;
 use window::Window;
 
-use super::Lut;
+use super::{Lut, Scene};
 use crate::camera::{Camera, check_image_size};
 use crate::cpu::Isa;
 use crate::error::{Error, Result};
@@ -104,7 +104,7 @@ impl Lut {
                 })
             }
         }?;
-        Ok(Self { table })
+        Self::of_table(table).with_scene(Scene::new(*grid, Some((*camera, ground.clone()))))
     }
 
     /// The table of maps as `cv2.remap` takes them: output cell i samples the source at (`map_x[i]`, `map_y[i]`); NaN
@@ -133,7 +133,7 @@ impl Lut {
             vs.iter_mut().zip(&map_y[cells]).for_each(|(v, &map)| *v = map.into());
             Ok(0..columns)
         })?;
-        Ok(Self { table })
+        Ok(Self::of_table(table))
     }
 
     /// The table of a homography that maps output pixel (column, row, 1) to source pixel. Both signs of its third
@@ -152,7 +152,7 @@ impl Lut {
             homography_row(m, row).fill(isa, &columns, us, vs);
             Ok(0..columns.len())
         })?;
-        Ok(Self { table })
+        Ok(Self::of_table(table))
     }
 }
 
