@@ -50,9 +50,12 @@ impl Isa {
                     && is_x86_feature_detected!("avx512vbmi")
                     && is_x86_feature_detected!("avx512vnni")
             }
+            #[cfg(not(target_arch = "x86_64"))]
+            Self::Avx2 | Self::Avx512 => false,
             #[cfg(target_arch = "aarch64")]
             Self::Neon => cfg!(target_endian = "little") && std::arch::is_aarch64_feature_detected!("neon"),
-            _ => false,
+            #[cfg(not(target_arch = "aarch64"))]
+            Self::Neon => false,
         }
     }
 
@@ -106,6 +109,27 @@ pub fn cpu_features() -> Vec<&'static str> {
     found.into_iter().filter_map(|(name, present)| present.then_some(name)).collect()
 }
 
+/// What an instruction set has in a place: every one must be named, and those that this build's architecture lacks have
+/// what scalar has.
+macro_rules! by_isa {
+    ($isa:expr, Scalar => $scalar:expr, Avx2 => $avx2:expr, Avx512 => $avx512:expr, Neon => $neon:expr $(,)?) => {
+        match $isa {
+            $crate::cpu::Isa::Scalar => $scalar,
+            #[cfg(target_arch = "x86_64")]
+            $crate::cpu::Isa::Avx2 => $avx2,
+            #[cfg(target_arch = "x86_64")]
+            $crate::cpu::Isa::Avx512 => $avx512,
+            #[cfg(not(target_arch = "x86_64"))]
+            $crate::cpu::Isa::Avx2 | $crate::cpu::Isa::Avx512 => $scalar,
+            #[cfg(target_arch = "aarch64")]
+            $crate::cpu::Isa::Neon => $neon,
+            #[cfg(not(target_arch = "aarch64"))]
+            $crate::cpu::Isa::Neon => $scalar,
+        }
+    };
+}
+pub(crate) use by_isa;
+
 /// A loop of plain Rust, compiled once for each instruction set (decision 0005).
 ///
 /// `run` must be `#[inline(always)]`, or it is compiled for the baseline alone.
@@ -129,15 +153,16 @@ pub(crate) fn run<B: Body>(isa: Isa, body: B) -> B::Output {
     fn avx512<B: Body>(body: B) -> B::Output {
         body.run()
     }
-    match isa {
-        #[cfg(target_arch = "x86_64")]
+    by_isa!(
+        isa,
+        Scalar => body.run(),
         // SAFETY: an `Isa` other than scalar is only made where `Isa::is_supported` found what it needs.
-        Isa::Avx2 => unsafe { avx2(body) },
-        #[cfg(target_arch = "x86_64")]
+        Avx2 => unsafe { avx2(body) },
         // SAFETY: as above.
-        Isa::Avx512 => unsafe { avx512(body) },
-        _ => body.run(),
-    }
+        Avx512 => unsafe { avx512(body) },
+        // the compiler always has it
+        Neon => body.run(),
+    )
 }
 
 /// Compiles a function once for each instruction set, and calls the one that `isa` names: its body for scalar (and for
@@ -154,15 +179,15 @@ macro_rules! for_each_isa {
         fn avx512($($name: $type),*) {
             $avx512($($name),*)
         }
-        match $isa {
-            #[cfg(target_arch = "x86_64")]
+        $crate::cpu::by_isa!(
+            $isa,
+            Scalar => $scalar($($name),*),
             // SAFETY: an `Isa` other than scalar is only made where `Isa::is_supported` found what it needs.
-            $crate::cpu::Isa::Avx2 => unsafe { avx2($($name),*) },
-            #[cfg(target_arch = "x86_64")]
+            Avx2 => unsafe { avx2($($name),*) },
             // SAFETY: as above.
-            $crate::cpu::Isa::Avx512 => unsafe { avx512($($name),*) },
-            _ => $scalar($($name),*),
-        }
+            Avx512 => unsafe { avx512($($name),*) },
+            Neon => $scalar($($name),*),
+        )
     }};
 }
 pub(crate) use for_each_isa;

@@ -1,9 +1,7 @@
 //! The metric grid on the road.
 
 use crate::error::{Error, Result};
-
-/// Most cells that one grid, and so one table, may have: 2^28, a table of at most 3 GiB.
-pub const MAX_CELLS: usize = 1 << 28;
+use crate::view::{MAX_CELLS, check_cells};
 
 /// How far from a whole number of cells a range may be, in cells.
 const WHOLE_CELLS: f64 = 1e-6;
@@ -105,14 +103,6 @@ impl BevGrid {
     pub fn ground_from_cell(&self, [row, column]: [f64; 2]) -> [f64; 2] {
         [self.x_of_row(row), self.y_of_column(column)]
     }
-}
-
-/// Refuses shapes that no table may have, before any memory is asked for.
-pub(crate) fn check_cells(what: &'static str, rows: f64, columns: f64) -> Result<()> {
-    if rows * columns <= MAX_CELLS as f64 {
-        return Ok(());
-    }
-    Err(Error::TooManyCells { what, rows, columns, limit: MAX_CELLS })
 }
 
 /// Whole cells in a range.

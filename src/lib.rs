@@ -44,10 +44,10 @@ pub use camera::{
 pub use cpu::{Isa, cpu_features};
 pub use error::{Error, Result};
 pub use finding::{Finding, Unseen};
-pub use grid::{BevGrid, MAX_CELLS, SampleAt};
+pub use grid::{BevGrid, SampleAt};
 pub use ground::{Ground, HeightMap, Plane};
 pub use lut::Lut;
 pub use parallel::{interruptible, num_threads, set_num_threads};
-pub use view::{F16, ImageView, ImageViewMut, Sample};
+pub use view::{F16, ImageView, ImageViewMut, MAX_CELLS, Sample};
 pub use warp::direct::{BorderMode, Mapping, inverse_homography, warp_direct_into, warp_direct_nearest_into};
 pub use warp::{Bilinear, Interpolation, WarpOptions};

@@ -20,6 +20,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use crate::error::{Error, Result, finite, radians};
 use crate::geometry::{OPTICAL_FROM_FLU, Pose, euler_from_rotation, rotation_from_euler};
+use crate::view::check_image_size;
 
 /// Where a point falls on the image.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -252,16 +253,6 @@ fn check_tracing(margin: f64, tolerance: f64) -> Result<()> {
         return Ok(());
     }
     Err(Error::Tracing { margin, tolerance })
-}
-
-/// Refuses an image with no pixels, and one whose pixels with a frame of one pixel around do not fit 32 bits: tables
-/// address them so.
-pub(crate) fn check_image_size(what: &'static str, width: u64, height: u64) -> Result<(u32, u32)> {
-    let framed = (width.saturating_add(2)).saturating_mul(height.saturating_add(2));
-    match (u32::try_from(width), u32::try_from(height)) {
-        (Ok(w @ 1..), Ok(h @ 1..)) if framed <= u64::from(u32::MAX) => Ok((w, h)),
-        _ => Err(Error::ImageSize { what, width, height }),
-    }
 }
 
 #[cfg(test)]

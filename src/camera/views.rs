@@ -1,7 +1,8 @@
 //! The camera of another rendering of the same image: binned, turned, mirrored.
 
-use super::{BrownConrady, Camera, Lens, Mei, Ocam, check_image_size};
+use super::{BrownConrady, Camera, Lens, Mei, Ocam};
 use crate::error::{Error, Result};
+use crate::view::check_image_size;
 
 /// Where the centre of a block of pixels lies.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

@@ -5,31 +5,15 @@
 
 use super::{ProbesKernel, RowKernel, special};
 use crate::cpu::Isa;
-use crate::error::Result;
 use crate::table::ONE;
 use crate::view::F16;
-use crate::view::{ImageViewMut, Sample};
-use crate::warp::area::Area;
-use crate::warp::direct::{self, Direct};
-
-/// A sample that can be blended: integers of 8 and 16 bits, and floats.
-pub trait Bilinear: Sample + sealed::Blend + Area {}
-
-impl Bilinear for u8 {}
-impl Bilinear for u16 {}
-impl Bilinear for i8 {}
-impl Bilinear for i16 {}
-impl Bilinear for F16 {}
-impl Bilinear for f32 {}
-impl Bilinear for f64 {}
+use crate::view::Sample;
 
 pub(crate) mod sealed {
-    use super::{Bilinear, ImageViewMut, Isa, ProbesKernel, RowKernel};
-    use crate::error::Result;
-    use crate::warp::direct::{self, Direct};
+    use super::{Isa, ProbesKernel, RowKernel, Sample};
 
     /// The arithmetic of one dtype; see the module's contract.
-    pub trait Blend: Sized + 'static {
+    pub trait Blend: Sample {
         /// What is worked out once for all channels of a cell.
         type Weights: Copy;
 
@@ -48,15 +32,6 @@ pub(crate) mod sealed {
 
         /// Four samples (top left, top right, bottom left, bottom right) to one.
         fn blend(weights: Self::Weights, taps: [Self; 4]) -> Self;
-
-        /// A warp without a table: with fractions as a table has them, but for floats, which take them exactly.
-        #[expect(private_interfaces, reason = "sealed: nobody outside can call it")]
-        fn warp_direct(warp: &Direct<'_, Self>, out: &mut ImageViewMut<'_, Self>) -> Result<()>
-        where
-            Self: Bilinear,
-        {
-            direct::quantised(warp, out)
-        }
     }
 }
 
@@ -131,11 +106,6 @@ impl sealed::Blend for f32 {
         let bottom = taps[2] + (taps[3] - taps[2]) * fx;
         top + (bottom - top) * fy
     }
-
-    #[expect(private_interfaces, reason = "sealed: nobody outside can call it")]
-    fn warp_direct(warp: &Direct<'_, Self>, out: &mut ImageViewMut<'_, Self>) -> Result<()> {
-        direct::exact::<Self, f32>(warp, out)
-    }
 }
 
 impl sealed::Blend for F16 {
@@ -155,11 +125,6 @@ impl sealed::Blend for F16 {
     fn blend(weights: (f32, f32), taps: [F16; 4]) -> F16 {
         let [a, b, c, d] = taps;
         F16::from_f32(f32::blend(weights, [a.to_f32(), b.to_f32(), c.to_f32(), d.to_f32()]))
-    }
-
-    #[expect(private_interfaces, reason = "sealed: nobody outside can call it")]
-    fn warp_direct(warp: &Direct<'_, Self>, out: &mut ImageViewMut<'_, Self>) -> Result<()> {
-        direct::exact::<Self, f32>(warp, out)
     }
 }
 
@@ -181,11 +146,6 @@ impl sealed::Blend for f64 {
         let top = taps[0] + (taps[1] - taps[0]) * fx;
         let bottom = taps[2] + (taps[3] - taps[2]) * fx;
         top + (bottom - top) * fy
-    }
-
-    #[expect(private_interfaces, reason = "sealed: nobody outside can call it")]
-    fn warp_direct(warp: &Direct<'_, Self>, out: &mut ImageViewMut<'_, Self>) -> Result<()> {
-        direct::exact::<Self, f64>(warp, out)
     }
 }
 

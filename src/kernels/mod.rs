@@ -37,12 +37,12 @@ mod widen;
 pub(crate) use aligned::Row;
 #[cfg(target_arch = "x86_64")]
 pub(crate) use avx512::boxes_u8;
-pub use blend::Bilinear;
 pub(crate) use blend::sealed;
+use blend::sealed::Blend;
 pub(crate) use places::{Exact, ExactBlend, ExactKernels, Float};
 pub(crate) use quantise::{Kinds, Sampled, quantise_one};
 pub(crate) use split::{Fraction, split};
-pub(crate) use unpack::unpack;
+pub(crate) use unpack::{FRACTION_BITS, unpack};
 pub(crate) use widen::widen;
 
 use crate::cpu::Isa;
@@ -199,7 +199,7 @@ impl<T: Sample> RowKernels<T> {
     }
 }
 
-impl<T: Bilinear> RowKernels<T> {
+impl<T: Blend> RowKernels<T> {
     /// Bilinear.
     pub(crate) fn bilinear(isa: Isa, channels: usize, contiguous: bool) -> Self {
         let inside: RowKernel<T> = match T::special(isa, channels) {

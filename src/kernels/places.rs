@@ -4,7 +4,7 @@
 use std::ops::Range;
 
 use super::sealed::Blend;
-use super::{Bilinear, ExactKernel, Source, scalar, scalar_kernels, special};
+use super::{ExactKernel, Source, scalar, scalar_kernels, special};
 use crate::cpu::Isa;
 use crate::kernels::{Fraction, split};
 use crate::table::Tap;
@@ -102,7 +102,7 @@ impl Float for f64 {
 }
 
 /// A float that is blended by fractions of kind `F`.
-pub(crate) trait ExactBlend<F: Float>: Bilinear + Blend<Weights = (F, F)> {
+pub(crate) trait ExactBlend<F: Float>: Blend<Weights = (F, F)> {
     /// As [`Blend::special`].
     fn exact(isa: Isa, channels: usize) -> Option<ExactKernel<Self, F>>;
 }

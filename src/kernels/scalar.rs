@@ -1,7 +1,7 @@
 //! The kernels in plain Rust: the definition that every other instruction set is tested against with `==`.
 
 use super::places::Places;
-use super::{Bilinear, Source, sealed::Blend};
+use super::{Source, sealed::Blend};
 use crate::kernels::Fraction;
 use crate::table::{Tap, unframed};
 use crate::view::Sample;
@@ -47,7 +47,7 @@ pub(super) fn nearest_edge<T: Sample, const CHANNELS: usize>(source: &Source<'_,
 }
 
 /// Cells whose four pixels exist: their blend.
-pub(super) fn bilinear<T: Bilinear, P: Places<T>, const CHANNELS: usize, const CONTIGUOUS: bool>(
+pub(super) fn bilinear<T: Blend, P: Places<T>, const CHANNELS: usize, const CONTIGUOUS: bool>(
     source: &Source<'_, T>,
     places: P,
     cells: &mut [T],
@@ -57,7 +57,7 @@ pub(super) fn bilinear<T: Bilinear, P: Places<T>, const CHANNELS: usize, const C
 
 /// [`bilinear`], in the caller's instruction set.
 #[inline(always)]
-pub(super) fn blend_cells<T: Bilinear, P: Places<T>, const CHANNELS: usize, const CONTIGUOUS: bool>(
+pub(super) fn blend_cells<T: Blend, P: Places<T>, const CHANNELS: usize, const CONTIGUOUS: bool>(
     source: &Source<'_, T>,
     places: P,
     cells: &mut [T],
@@ -78,7 +78,7 @@ pub(super) fn blend_cells<T: Bilinear, P: Places<T>, const CHANNELS: usize, cons
 
 /// Cells on the rim and in the halo: missing pixels count as the border value. A pixel without weight is not looked
 /// at, so that a NaN border does not reach valid cells on the last column.
-pub(super) fn bilinear_edge<T: Bilinear, const CHANNELS: usize>(source: &Source<'_, T>, taps: &[Tap], cells: &mut [T]) {
+pub(super) fn bilinear_edge<T: Blend, const CHANNELS: usize>(source: &Source<'_, T>, taps: &[Tap], cells: &mut [T]) {
     for (tap, cell) in taps.iter().zip(cells.chunks_exact_mut(channels::<T, CHANNELS>(source))) {
         let weights = T::weights(tap.fx(), tap.fy());
         let at = unframed(tap.offset, source.image.width() as u32);
@@ -87,7 +87,7 @@ pub(super) fn bilinear_edge<T: Bilinear, const CHANNELS: usize>(source: &Source<
 }
 
 /// The same from exact coordinates, which are above -1.
-pub(super) fn exact_edge<F: Fraction, T: Bilinear + Blend<Weights = (F, F)>>(
+pub(super) fn exact_edge<F: Fraction, T: Blend<Weights = (F, F)>>(
     source: &Source<'_, T>,
     [us, vs]: [&[f64]; 2],
     cells: &mut [T],
@@ -101,7 +101,7 @@ pub(super) fn exact_edge<F: Fraction, T: Bilinear + Blend<Weights = (F, F)>>(
 
 /// One cell whose top-left pixel is at `(x, y)`; `beyond` tells whether it has a part in the next column and row.
 #[inline(always)]
-fn blend_edge<T: Bilinear>(
+fn blend_edge<T: Blend>(
     source: &Source<'_, T>,
     (x, y): (i64, i64),
     beyond: [bool; 2],

@@ -4,10 +4,10 @@
 #[cfg(target_arch = "aarch64")]
 use super::neon;
 use super::places::{ExactBlend, Float, Places};
-use super::{Bilinear, ExactKernel, ProbesKernel, RowKernel, Source, scalar};
+use super::{ExactKernel, ProbesKernel, RowKernel, Source, scalar, sealed::Blend};
 #[cfg(target_arch = "x86_64")]
 use super::{avx2, avx512};
-use crate::cpu::{self, Body, Isa};
+use crate::cpu::{self, Body, Isa, by_isa};
 use crate::view::Sample;
 
 /// A kernel of an instruction set as an ordinary function.
@@ -22,9 +22,10 @@ macro_rules! kernel {
 
 /// Nearest, for pixels of so many bytes.
 pub(super) fn nearest<T: Sample>(isa: Isa, pixel_bytes: usize) -> Option<RowKernel<T>> {
-    match isa {
-        #[cfg(target_arch = "x86_64")]
-        Isa::Avx2 => match pixel_bytes {
+    by_isa!(
+        isa,
+        Scalar => None,
+        Avx2 => match pixel_bytes {
             1 => kernel!(avx2::nearest::<T, 1>),
             2 => kernel!(avx2::nearest::<T, 2>),
             3 => kernel!(avx2::nearest::<T, 3>),
@@ -35,8 +36,7 @@ pub(super) fn nearest<T: Sample>(isa: Isa, pixel_bytes: usize) -> Option<RowKern
             16 => kernel!(avx2::nearest::<T, 16>),
             _ => kernel!(avx2::nearest::<T, 0>),
         },
-        #[cfg(target_arch = "x86_64")]
-        Isa::Avx512 => match pixel_bytes {
+        Avx512 => match pixel_bytes {
             1 => kernel!(avx512::nearest::<T, 1>),
             2 => kernel!(avx512::nearest::<T, 2>),
             3 => kernel!(avx512::nearest::<T, 3>),
@@ -47,8 +47,7 @@ pub(super) fn nearest<T: Sample>(isa: Isa, pixel_bytes: usize) -> Option<RowKern
             16 => kernel!(avx512::nearest::<T, 16>),
             _ => None,
         },
-        #[cfg(target_arch = "aarch64")]
-        Isa::Neon => match pixel_bytes {
+        Neon => match pixel_bytes {
             1 => kernel!(neon::nearest::<T, 1>),
             2 => kernel!(neon::nearest::<T, 2>),
             3 => kernel!(neon::nearest::<T, 3>),
@@ -56,110 +55,107 @@ pub(super) fn nearest<T: Sample>(isa: Isa, pixel_bytes: usize) -> Option<RowKern
             8 => kernel!(neon::nearest::<T, 8>),
             _ => None,
         },
-        _ => None,
-    }
+    )
 }
 
 /// Bilinear of 8-bit images.
 pub(super) fn bilinear_u8(isa: Isa, channels: usize) -> Option<RowKernel<u8>> {
-    match isa {
-        #[cfg(target_arch = "x86_64")]
-        Isa::Avx2 => match channels {
+    by_isa!(
+        isa,
+        Scalar => None,
+        Avx2 => match channels {
             1 => kernel!(avx2::bilinear_u8::<1>),
             3 => kernel!(avx2::bilinear_u8::<3>),
             4 => kernel!(avx2::bilinear_u8::<4>),
             5.. => kernel!(avx2::bilinear_u8_any),
             _ => None,
         },
-        #[cfg(target_arch = "x86_64")]
-        Isa::Avx512 => match channels {
+        Avx512 => match channels {
             1 => kernel!(avx512::bilinear_u8::<1>),
             2 => kernel!(avx512::bilinear_u8::<2>),
             3 => kernel!(avx512::bilinear_u8::<3>),
             4 => kernel!(avx512::bilinear_u8::<4>),
             _ => kernel!(avx512::bilinear_u8_any),
         },
-        #[cfg(target_arch = "aarch64")]
-        Isa::Neon => match channels {
+        Neon => match channels {
             1 => kernel!(neon::bilinear_u8::<1>),
             3 => kernel!(neon::bilinear_u8::<3>),
             4 => kernel!(neon::bilinear_u8::<4>),
             _ => None,
         },
-        _ => None,
-    }
+    )
 }
 
 /// Averages of probes into 8-bit images.
 pub(super) fn probes_u8(isa: Isa, channels: usize) -> Option<ProbesKernel<u8>> {
-    match (isa, channels) {
-        #[cfg(target_arch = "x86_64")]
-        (Isa::Avx512, 3) => kernel!(avx512::probes_u8::<3>),
-        #[cfg(target_arch = "x86_64")]
-        (Isa::Avx512, 4) => kernel!(avx512::probes_u8::<4>),
-        _ => None,
-    }
+    by_isa!(
+        isa,
+        Scalar => None,
+        Avx2 => None,
+        Avx512 => match channels {
+            3 => kernel!(avx512::probes_u8::<3>),
+            4 => kernel!(avx512::probes_u8::<4>),
+            _ => None,
+        },
+        Neon => None,
+    )
 }
 
 /// Bilinear of 16-bit images.
 pub(super) fn bilinear_u16(isa: Isa, channels: usize) -> Option<RowKernel<u16>> {
-    match isa {
-        #[cfg(target_arch = "x86_64")]
-        Isa::Avx2 => match channels {
+    by_isa!(
+        isa,
+        Scalar => None,
+        Avx2 => match channels {
             1 => kernel!(avx2::bilinear_u16::<1>),
             3 => kernel!(avx2::bilinear_u16::<3>),
             4 => kernel!(avx2::bilinear_u16::<4>),
             5.. => kernel!(avx2::bilinear_u16_any),
             _ => None,
         },
-        #[cfg(target_arch = "x86_64")]
-        Isa::Avx512 => match channels {
+        Avx512 => match channels {
             1 => kernel!(avx512::bilinear_float::<u16, _, 1>),
             2 => kernel!(avx512::bilinear_float_pairs::<u16, _>),
             3 => kernel!(avx512::bilinear_float::<u16, _, 3>),
             4 => kernel!(avx512::bilinear_float::<u16, _, 4>),
             _ => kernel!(avx512::bilinear_float_any::<u16, _>),
         },
-        #[cfg(target_arch = "aarch64")]
-        Isa::Neon => match channels {
+        Neon => match channels {
             1 => kernel!(neon::bilinear_float::<u16, _, 1>),
             3 => kernel!(neon::bilinear_float::<u16, _, 3>),
             4 => kernel!(neon::bilinear_float::<u16, _, 4>),
             _ => None,
         },
-        _ => None,
-    }
+    )
 }
 
 /// The kernel of float images, for taps of either kind.
 macro_rules! kernel_f32 {
     ($isa:expr, $channels:expr) => {
-        match $isa {
-            #[cfg(target_arch = "x86_64")]
-            Isa::Avx2 => match $channels {
+        by_isa!(
+            $isa,
+            Scalar => None,
+            Avx2 => match $channels {
                 1 => kernel!(avx2::bilinear_f32::<_, 1>),
                 3 => kernel!(avx2::bilinear_f32::<_, 3>),
                 4 => kernel!(avx2::bilinear_f32::<_, 4>),
                 5.. => kernel!(avx2::bilinear_f32_any::<_>),
                 _ => None,
             },
-            #[cfg(target_arch = "x86_64")]
-            Isa::Avx512 => match $channels {
+            Avx512 => match $channels {
                 1 => kernel!(avx512::bilinear_float::<f32, _, 1>),
                 2 => kernel!(avx512::bilinear_float_pairs::<f32, _>),
                 3 => kernel!(avx512::bilinear_float::<f32, _, 3>),
                 4 => kernel!(avx512::bilinear_float::<f32, _, 4>),
                 _ => kernel!(avx512::bilinear_float_any::<f32, _>),
             },
-            #[cfg(target_arch = "aarch64")]
-            Isa::Neon => match $channels {
+            Neon => match $channels {
                 1 => kernel!(neon::bilinear_float::<f32, _, 1>),
                 3 => kernel!(neon::bilinear_float::<f32, _, 3>),
                 4 => kernel!(neon::bilinear_float::<f32, _, 4>),
                 _ => None,
             },
-            _ => None,
-        }
+        )
     };
 }
 
@@ -176,15 +172,13 @@ pub(super) fn exact_f32(isa: Isa, channels: usize) -> Option<ExactKernel<f32, f3
 /// The scalar kernel in the vectors of an instruction set, for taps of either kind.
 macro_rules! kernel_compiled {
     ($isa:expr, $channels:expr) => {
-        match $isa {
-            #[cfg(target_arch = "x86_64")]
-            Isa::Avx2 => kernel_compiled_for!(Avx2, $channels),
-            #[cfg(target_arch = "x86_64")]
-            Isa::Avx512 => kernel_compiled_for!(Avx512, $channels),
-            #[cfg(target_arch = "aarch64")]
-            Isa::Neon => kernel_compiled_for!(Neon, $channels),
-            _ => None,
-        }
+        by_isa!(
+            $isa,
+            Scalar => None,
+            Avx2 => kernel_compiled_for!(Avx2, $channels),
+            Avx512 => kernel_compiled_for!(Avx512, $channels),
+            Neon => kernel_compiled_for!(Neon, $channels),
+        )
     };
 }
 
@@ -203,7 +197,7 @@ macro_rules! kernel_compiled_for {
 }
 
 /// Bilinear of samples that have no kernels by hand.
-pub(super) fn compiled<T: Bilinear>(isa: Isa, channels: usize) -> Option<RowKernel<T>> {
+pub(super) fn compiled<T: Blend>(isa: Isa, channels: usize) -> Option<RowKernel<T>> {
     kernel_compiled!(isa, channels)
 }
 
@@ -219,7 +213,7 @@ struct Row<'a, T, P, const CHANNELS: usize> {
     cells: &'a mut [T],
 }
 
-impl<T: Bilinear, P: Places<T>, const CHANNELS: usize> Body for Row<'_, T, P, CHANNELS> {
+impl<T: Blend, P: Places<T>, const CHANNELS: usize> Body for Row<'_, T, P, CHANNELS> {
     type Output = ();
 
     #[inline(always)]

@@ -1,8 +1,10 @@
 //! Where taps sample, as whole numbers.
 
 use crate::cpu::{Isa, for_each_isa};
-use crate::lut::area::Q;
 use crate::table::Tap;
+
+/// Unpacked coordinates are in 1/1024 pixel.
+pub(crate) const FRACTION_BITS: u32 = 10;
 
 /// So many taps at once.
 const LANES: usize = 16;
@@ -46,7 +48,9 @@ fn some(taps: &[[u32; 2]], width: u32, xs: &mut [i32], ys: &mut [i32]) {
         let (fx, fy) =
             if cfg!(target_endian = "little") { (fractions, fractions >> 16) } else { (fractions >> 16, fractions) };
         // fractions have 15 bits
-        let fixed = |whole: i32, fraction: u32| whole << Q | (fraction >> (15 - Q) & ((1 << Q) - 1)) as i32;
+        let fixed = |whole: i32, fraction: u32| {
+            whole << FRACTION_BITS | (fraction >> (15 - FRACTION_BITS) & ((1 << FRACTION_BITS) - 1)) as i32
+        };
         xs[i] = fixed(column, fx);
         ys[i] = fixed(row, fy);
     }

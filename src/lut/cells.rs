@@ -4,7 +4,7 @@ use nalgebra::Matrix3;
 
 use super::build::ProjectiveRow;
 use super::{Lut, Scene};
-use crate::camera::{Camera, Projection, check_image_size};
+use crate::camera::{Camera, Projection};
 use crate::cpu::Isa;
 use crate::error::{Error, Result};
 use crate::geometry::homography_from_points;
@@ -12,6 +12,7 @@ use crate::grid::BevGrid;
 use crate::ground::Ground;
 use crate::kernels::Row;
 use crate::table::Table;
+use crate::view::check_image_size;
 
 impl Camera {
     /// Where a table of this camera, grid and road samples the image for a cell (row, column), whole at the samples;

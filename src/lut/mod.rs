@@ -4,6 +4,7 @@ pub(crate) mod area;
 mod build;
 mod cells;
 mod density;
+mod derived;
 mod maps;
 mod plausibility;
 mod scene;
@@ -15,6 +16,7 @@ use crate::grid::BevGrid;
 use crate::ground::Ground;
 use crate::table::Table;
 pub(crate) use build::{check_homography, homography_row};
+use derived::Derived;
 pub(crate) use scene::Scene;
 
 /// For every cell of an output grid, where on a source image it samples: immutable, comparable, cheap to share.
@@ -23,8 +25,10 @@ pub(crate) use scene::Scene;
 /// [`Lut::warp_into`](crate::Lut::warp_into). Two are equal where every cell samples alike, whatever they were built from.
 #[derive(Clone)]
 pub struct Lut {
-    pub(crate) table: Table,
+    table: Table,
     scene: Option<Box<Scene>>,
+    /// How `area` averages, once it was asked for.
+    area: Derived<area::Plan>,
 }
 
 impl PartialEq for Lut {
@@ -34,6 +38,23 @@ impl PartialEq for Lut {
 }
 
 impl Lut {
+    /// The table as bytes, the same on every machine; not what it was built from.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`](crate::Error::OutOfMemory) and [`Error::Interrupted`](crate::Error::Interrupted).
+    pub fn to_bytes(&self) -> Result<Vec<u8>> {
+        self.table.to_bytes()
+    }
+
+    /// A table from [`Lut::to_bytes`]. Every bound that the kernels rely on is proved again, so that no bytes, however
+    /// damaged or forged, make a warp read outside an image.
+    ///
+    /// # Errors
+    /// [`Error::DamagedTable`](crate::Error::DamagedTable), and [`Error::OutOfMemory`](crate::Error::OutOfMemory).
+    pub fn from_bytes(bytes: &[u8]) -> Result<Self> {
+        Ok(Self::of_table(Table::from_bytes(bytes)?))
+    }
+
     /// Rows of the output.
     pub fn rows(&self) -> usize {
         self.table.rows()
@@ -52,7 +73,7 @@ impl Lut {
     /// Bytes that the table holds, and from the first use of [`Interpolation::Area`](crate::Interpolation::Area) on those
     /// of what it needs beyond.
     pub fn nbytes(&self) -> usize {
-        self.table.nbytes() + self.table.area.get().map_or(0, area::Plan::nbytes)
+        self.table.nbytes() + self.area.get().map_or(0, area::Plan::nbytes)
     }
 
     /// What `area` needs beyond the table; made by the first call.
@@ -60,9 +81,9 @@ impl Lut {
     /// # Errors
     /// [`Error::AreaSize`](crate::Error::AreaSize), [`Error::Isa`](crate::Error::Isa), [`Error::OutOfMemory`](crate::Error::OutOfMemory).
     pub(crate) fn area_plan(&self) -> Result<&area::Plan> {
-        match self.table.area.get() {
+        match self.area.get() {
             Some(plan) => Ok(plan),
-            None => Ok(self.table.area.set(area::Plan::new(Isa::active()?, &self.table)?)),
+            None => Ok(self.area.set(area::Plan::new(Isa::active()?, &self.table)?)),
         }
     }
 
@@ -82,8 +103,8 @@ impl Lut {
     }
 
     /// A table of plain coordinates.
-    pub(crate) fn of_table(table: Table) -> Self {
-        Self { table, scene: None }
+    fn of_table(table: Table) -> Self {
+        Self { table, scene: None, area: Derived::default() }
     }
 
     /// The same table, said to be that of a scene.

@@ -10,8 +10,7 @@ use super::layout::Layout;
 use super::maps::{MapPair, map_array};
 use super::options::{self, BorderValue};
 use super::shared;
-use crate::camera::check_image_size;
-use crate::grid::check_cells;
+use crate::view::{check_cells, check_image_size};
 use crate::{
     Bilinear, BorderMode, ImageView, ImageViewMut, Interpolation, Mapping, Sample, WarpOptions, inverse_homography,
     warp_direct_into, warp_direct_nearest_into,

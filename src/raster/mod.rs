@@ -33,9 +33,9 @@ pub use shapes::{box_corners, check_polygon, draw_polygon};
 
 use crate::cpu::Isa;
 use crate::error::{Error, Result};
-use crate::grid::{BevGrid, MAX_CELLS};
+use crate::grid::BevGrid;
 use crate::parallel::{self, check_interrupt};
-use crate::view::{PointSample, Strided};
+use crate::view::{MAX_CELLS, PointSample, Strided};
 
 /// What memory is asked for, in errors.
 const WHAT: &str = "rasterize";

@@ -5,23 +5,17 @@
 use std::mem::MaybeUninit;
 
 use super::{PackedSpan, RowEnd, RowSpans, SpanKind, Table, Tap, band_rows, unframed};
-use crate::camera::check_image_size;
 use crate::error::{Error, Result};
-use crate::grid::check_cells;
-use crate::lut::Lut;
 use crate::parallel::check_interrupt;
-use crate::view::buffer;
+use crate::view::{buffer, check_cells, check_image_size};
 
 const MAGIC: &[u8; 8] = b"ipm_rs\x00\x02";
 
-impl Lut {
-    /// The table as bytes, the same on every machine; not what it was built from.
-    ///
-    /// # Errors
-    /// [`Error::OutOfMemory`] and [`Error::Interrupted`].
-    pub fn to_bytes(&self) -> Result<Vec<u8>> {
-        let Table { columns, source, bands, .. } = &self.table;
-        let seeing = || (0..self.rows()).flat_map(|row| self.table.row(row)).filter(|s| s.kind != SpanKind::Outside);
+impl Table {
+    /// The table as bytes, the same on every machine.
+    pub(crate) fn to_bytes(&self) -> Result<Vec<u8>> {
+        let Self { columns, source, bands, .. } = self;
+        let seeing = || (0..self.rows()).flat_map(|row| self.row(row)).filter(|s| s.kind != SpanKind::Outside);
         let spans: usize = bands.iter().map(|band| band.spans.len()).sum();
         let taps: usize = seeing().map(|span| span.taps.len()).sum();
         let mut bytes = buffer::reserved("Lut", self.nbytes() + 64)?;
@@ -41,7 +35,7 @@ impl Lut {
         }
         for row in 0..self.rows() {
             check_interrupt()?;
-            let seeing = self.table.row(row).filter(|span| span.kind != SpanKind::Outside);
+            let seeing = self.row(row).filter(|span| span.kind != SpanKind::Outside);
             for tap in seeing.flat_map(|span| span.taps) {
                 bytes.extend_from_slice(&tap.offset.to_le_bytes());
                 bytes.extend_from_slice(&tap.x.to_le_bytes());
@@ -53,12 +47,9 @@ impl Lut {
         Ok(bytes)
     }
 
-    /// A table from [`Lut::to_bytes`]. Every bound that the kernels rely on is proved again, so that no bytes, however
+    /// A table from [`Table::to_bytes`]. Every bound that the kernels rely on is proved again, so that no bytes, however
     /// damaged or forged, make a warp read outside an image.
-    ///
-    /// # Errors
-    /// [`Error::DamagedTable`], and [`Error::OutOfMemory`].
-    pub fn from_bytes(bytes: &[u8]) -> Result<Self> {
+    pub(crate) fn from_bytes(bytes: &[u8]) -> Result<Self> {
         let body = bytes.strip_prefix(MAGIC).ok_or(damaged("no table of this version begins so"))?;
         let (sum, body) = body.split_first_chunk::<8>().ok_or(damaged("the checksum is cut short"))?;
         if u64::from_le_bytes(*sum) != checksum(body) {
@@ -94,7 +85,7 @@ impl Lut {
         if !reader.spans.is_empty() || !reader.taps.is_empty() {
             return Err(damaged("its rows do not fit its header"));
         }
-        Ok(Self::of_table(table))
+        Ok(table)
     }
 }
 
@@ -181,6 +172,7 @@ fn le_u32(bytes: &[u8]) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Lut;
 
     fn lut() -> Lut {
         let x: Vec<f32> = (0..60).map(|i| i as f32 * 0.21 - 2.0).collect();

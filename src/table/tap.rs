@@ -79,7 +79,7 @@ impl Tap {
 }
 
 /// Offset of pixel (x, y) in the source with a frame of one pixel around it: x from -1 to width, y likewise.
-pub(super) fn framed(x: i64, y: i64, width: u32) -> u32 {
+pub(crate) fn framed(x: i64, y: i64, width: u32) -> u32 {
     ((y + 1) * (i64::from(width) + 2) + x + 1) as u32
 }
 

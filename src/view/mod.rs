@@ -3,15 +3,18 @@
 pub(crate) mod buffer;
 mod half;
 mod image;
+mod limits;
 mod number;
 mod prefetch;
 mod strided;
 
 pub use half::F16;
 pub use image::{ImageView, ImageViewMut};
+pub use limits::MAX_CELLS;
 pub use number::{Cast, DepthSample, PointSample, Sample};
 pub use strided::{Strided, reach};
 
 pub(crate) use image::RowsMut;
+pub(crate) use limits::{check_cells, check_image_size};
 pub(crate) use number::{as_bytes, as_bytes_mut};
 pub(crate) use prefetch::prefetch;

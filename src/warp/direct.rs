@@ -5,16 +5,14 @@ use std::slice;
 use nalgebra::Matrix3;
 
 use super::{Bilinear, Interpolation, WarpOptions, warp_spans};
-use crate::camera::check_image_size;
 use crate::cpu::Isa;
 use crate::error::{Error, Result};
-use crate::grid::check_cells;
 use crate::kernels::{ExactBlend, ExactKernels, Float, RowKernels, Source};
 use crate::kernels::{Kinds, Row, Sampled, widen};
 use crate::lut::{check_homography, homography_row};
 use crate::parallel;
 use crate::table::{RowSpans, SpanKind, Tap};
-use crate::view::{ImageView, ImageViewMut, Sample, buffer};
+use crate::view::{F16, ImageView, ImageViewMut, Sample, buffer, check_cells, check_image_size};
 
 /// What lies beyond the image.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
@@ -143,13 +141,37 @@ pub(crate) struct Direct<'a, T> {
     options: &'a WarpOptions<T>,
 }
 
+/// A sample that is blended without a table: with fractions as a table has them, but for floats, which take them exactly.
+pub trait WarpDirect: Sized {
+    /// Bilinear.
+    ///
+    /// # Errors
+    /// Those of [`warp_direct_into`].
+    #[expect(private_interfaces, reason = "sealed: nobody outside can call it")]
+    fn warp_direct(warp: &Direct<'_, Self>, out: &mut ImageViewMut<'_, Self>) -> Result<()>;
+}
+
+macro_rules! warp_direct {
+    ($warp:expr => $($type:ty),*) => {$(
+        impl WarpDirect for $type {
+            #[expect(private_interfaces, reason = "sealed: nobody outside can call it")]
+            fn warp_direct(warp: &Direct<'_, Self>, out: &mut ImageViewMut<'_, Self>) -> Result<()> {
+                $warp(warp, out)
+            }
+        }
+    )*};
+}
+warp_direct!(quantised => u8, u16, i8, i16);
+warp_direct!(exact::<_, f32> => f32, F16);
+warp_direct!(exact::<_, f64> => f64);
+
 /// Bilinear with fractions as a table has them.
-pub(crate) fn quantised<T: Bilinear>(warp: &Direct<'_, T>, out: &mut ImageViewMut<'_, T>) -> Result<()> {
+fn quantised<T: Bilinear>(warp: &Direct<'_, T>, out: &mut ImageViewMut<'_, T>) -> Result<()> {
     by_taps(warp, out, &warp.options.kernels(slice::from_ref(warp.image))?)
 }
 
 /// Bilinear of floats, with fractions as exact as `F` holds them.
-pub(crate) fn exact<T: ExactBlend<F>, F: Float>(warp: &Direct<'_, T>, out: &mut ImageViewMut<'_, T>) -> Result<()> {
+fn exact<T: ExactBlend<F>, F: Float>(warp: &Direct<'_, T>, out: &mut ImageViewMut<'_, T>) -> Result<()> {
     let (isa, image) = (warp.options.isa()?, warp.image);
     let kernels = ExactKernels::<T, F>::new(isa, image.channels(), image.is_contiguous());
     run(
@@ -175,7 +197,7 @@ pub(crate) fn exact<T: ExactBlend<F>, F: Float>(warp: &Direct<'_, T>, out: &mut 
 /// What packing and warping a row takes, used for all rows of a thread.
 struct Packed {
     taps: Vec<Tap>,
-    runs: RowSpans,
+    spans: RowSpans,
     kinds: Kinds,
 }
 
@@ -184,11 +206,11 @@ fn by_taps<T: Sample>(warp: &Direct<'_, T>, out: &mut ImageViewMut<'_, T>, kerne
     let isa = warp.options.isa()?;
     let packed = |columns| {
         let taps = buffer::filled("out", columns, Tap::default())?;
-        Ok(Packed { taps, runs: RowSpans::default(), kinds: Kinds::default() })
+        Ok(Packed { taps, spans: RowSpans::default(), kinds: Kinds::default() })
     };
-    run(warp, out, packed, |Packed { taps, runs, kinds }, row, source, cells| {
-        runs.repack(isa, row, taps, kinds)?;
-        warp_spans(runs.spans(0, taps), source, cells, kernels, false);
+    run(warp, out, packed, |Packed { taps, spans, kinds }, row, source, cells| {
+        spans.repack(isa, row, taps, kinds)?;
+        warp_spans(spans.spans(0, taps), source, cells, kernels, false);
         Ok(())
     })
 }

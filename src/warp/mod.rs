@@ -1,12 +1,13 @@
 //! The backward warp: every output cell takes its value from where the table says.
 
 pub(crate) mod area;
+mod blend;
 pub mod direct;
 mod mode;
 mod options;
 pub mod reference;
 
-pub use crate::kernels::Bilinear;
+pub use blend::Bilinear;
 pub use options::{Interpolation, WarpOptions};
 
 use std::borrow::Cow;

@@ -2,9 +2,10 @@
 
 use std::borrow::Cow;
 
+use super::Bilinear;
 use crate::cpu::Isa;
 use crate::error::{Error, Result};
-use crate::kernels::{Bilinear, RowKernels};
+use crate::kernels::RowKernels;
 use crate::parallel;
 use crate::view::buffer;
 use crate::view::{ImageView, Sample};

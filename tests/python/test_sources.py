@@ -32,6 +32,69 @@ def test_unsafe_lives_where_decision_0007_says():
     assert [place for place, count in places.items() if not count] == []
 
 
+BASE = {"error", "cpu", "view", "parallel"}
+#: Which rooms of the crate each may use, besides itself. What is not listed may be used by nobody below `python`.
+MAY_USE = {
+    "error": set(),
+    "cpu": {"error"},
+    "view": {"error"},
+    "parallel": {"error", "view"},
+    "finding": {"error"},
+    "geometry": BASE,
+    "ground": BASE | {"geometry"},
+    "camera": BASE | {"geometry", "ground", "finding"},
+    "grid": {"error", "view"},
+    "table": BASE,
+    "kernels": BASE | {"table"},
+    "lut": BASE | {"geometry", "ground", "camera", "grid", "finding", "table", "kernels"},
+    "warp": BASE | {"lut", "table", "kernels"},
+    "cloud": BASE | {"geometry", "camera"},
+    "raster": BASE | {"grid"},
+}
+#: Kernels of area that still know its plan.
+UPWARD = {("kernels", "lut"), ("kernels", "warp")}
+
+
+def uses(path: Path) -> set[str]:
+    """The rooms that a Rust source names, its tests apart."""
+    text = code(path).split("#[cfg(test)]")[0]
+    grouped = [name for group in re.findall(r"\buse crate::\{([^;]*)\};", text) for name in re.findall(r"\w+", group)]
+    return {*re.findall(r"\bcrate::(\w+)", text), *grouped}
+
+
+def test_rooms_use_only_what_stands_below_them():
+    found, upward = set(), set()
+    for path in RUST:
+        room = path.relative_to(ROOT / "src").parts[0].removesuffix(".rs")
+        if room in ("lib", "python"):
+            continue
+        assert room in MAY_USE, f"{room} is new: say what it may use"
+        for used in uses(path) - {room}:
+            found.add((room, used))
+            if used not in MAY_USE[room]:
+                upward.add((room, used))
+                assert (room, used) in UPWARD, f"{path.relative_to(ROOT)} uses crate::{used}"
+    assert len(found) > 40, "the test has gone blind"
+    assert upward == UPWARD, "one is mended: take it off the list"
+
+
+def test_the_reference_knows_neither_tables_nor_kernels():
+    for path in sorted((ROOT / "src/warp/reference").rglob("*.rs")):
+        text = code(path)
+        assert not re.search(r"\b(lut|table|kernels)::", text), path.name
+        assert "Lut" not in text, path.name
+
+
+def test_what_depends_on_the_instruction_set_names_them_all():
+    """`by_isa!` asks for every one; a match with a wildcard would let a new one fall back to scalar without a word."""
+    matching = {path.name for path in RUST if re.search(r"\bIsa::\w+[^\n;{}]*=>", code(path))}
+    assert matching == {"cpu.rs", "pairs.rs"}  # of area, whose wildcard is still there
+    cpu = code(ROOT / "src/cpu.rs").split("#[cfg(test)]")[0]
+    for match in re.findall(r"match (?:self|\$isa) \{.*?\n        \}", cpu, re.DOTALL):
+        assert "_ =>" not in match
+    assert sum("by_isa!" in code(path) for path in RUST) >= 2
+
+
 def test_only_one_file_asks_the_cpu():
     asking = [path.name for path in RUST if "feature_detected!" in code(path)]
     assert asking == ["cpu.rs"]

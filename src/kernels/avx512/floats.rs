@@ -15,11 +15,11 @@ use std::arch::x86_64::*;
 use super::{AHEAD, Group, Pixels, all_within, opaque, scalar_offset, scalar_positions, window};
 use crate::kernels::places::Places;
 use crate::kernels::plane::Plane;
-use crate::kernels::{Bilinear, Source, scalar};
+use crate::kernels::{Source, scalar, sealed::Blend};
 use crate::table::{ONE, Tap};
 
 /// Samples that are blended in float32.
-pub(in crate::kernels) trait Float: Bilinear {}
+pub(in crate::kernels) trait Float: Blend {}
 
 impl Float for u16 {}
 impl Float for f32 {}

@@ -5,10 +5,10 @@ use std::arch::aarch64::*;
 use super::{Four, in_groups};
 use crate::kernels::places::Places;
 use crate::kernels::plane::Plane;
-use crate::kernels::{Bilinear, Source, scalar};
+use crate::kernels::{Source, scalar, sealed::Blend};
 
 /// A sample that is blended in float32.
-pub(in crate::kernels) trait InFloat: Bilinear {
+pub(in crate::kernels) trait InFloat: Blend {
     /// Four samples.
     ///
     /// # Safety

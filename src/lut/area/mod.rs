@@ -18,9 +18,7 @@ mod samples;
 mod shape;
 mod stretch;
 
-use std::fmt;
 use std::ops::Range;
-use std::sync::{Arc, OnceLock};
 
 use crate::error::Result;
 use crate::view::buffer;
@@ -35,7 +33,7 @@ pub(crate) use rows::{Coordinates, Sides};
 pub(crate) use shape::Shape;
 
 /// Coordinates and footprints are in 1/1024 pixel.
-pub(crate) const Q: u32 = 10;
+pub(crate) use crate::kernels::FRACTION_BITS as Q;
 
 /// The plan of an area warp.
 #[derive(Debug, Default)]
@@ -213,34 +211,5 @@ impl Plan {
             size,
             half_rows: size.half_rows(row % size.rows()),
         }
-    }
-}
-
-/// A plan that may not have been made yet. It is no part of what a table is: tables are equal whether they have one.
-#[derive(Clone, Default)]
-pub(crate) struct LazyPlan(OnceLock<Arc<Plan>>);
-
-impl LazyPlan {
-    pub(crate) fn get(&self) -> Option<&Plan> {
-        self.0.get().map(|plan| &**plan)
-    }
-
-    /// The plan that there is now: this one, or one that another thread made meanwhile.
-    pub(crate) fn set(&self, plan: Plan) -> &Plan {
-        // not `get_or_init`, which would make a child wait for ever that is forked while another thread builds
-        self.0.set(Arc::new(plan)).ok();
-        self.get().expect("set by us or by another")
-    }
-}
-
-impl PartialEq for LazyPlan {
-    fn eq(&self, _: &Self) -> bool {
-        true
-    }
-}
-
-impl fmt::Debug for LazyPlan {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(if self.get().is_some() { "LazyPlan(made)" } else { "LazyPlan" })
     }
 }

@@ -6,6 +6,7 @@
 
 mod bent;
 mod heights;
+mod pack;
 mod projective;
 mod surface;
 mod window;
@@ -17,13 +18,14 @@ use surface::Surface;
 use window::Window;
 
 use super::{Lut, Scene};
-use crate::camera::{Camera, check_image_size};
+use crate::camera::Camera;
 use crate::cpu::Isa;
 use crate::error::{Error, Result};
 use crate::grid::BevGrid;
 use crate::ground::{Ground, Plane};
 use crate::kernels::Row;
 use crate::table::Table;
+use crate::view::check_image_size;
 
 /// A row of a grid on a plane road in the camera frame: `origin + step * y`.
 struct GroundRow {

@@ -17,10 +17,10 @@ use std::slice;
 
 pub(crate) use average::Average;
 
-use super::WarpOptions;
+use super::{Bilinear, WarpOptions};
 use crate::cpu::Isa;
 use crate::error::Result;
-use crate::kernels::{Bilinear, ProbesKernel, RowKernels, Source, sealed::Blend};
+use crate::kernels::{ProbesKernel, RowKernels, Source, sealed::Blend};
 use crate::lut::Lut;
 use crate::lut::area::block::LANES;
 use crate::lut::area::{Piece, Plan, RowPlan, Shape, leaves};

@@ -5,12 +5,12 @@
 use super::{Average, warp};
 use crate::cpu::{self, Body, Isa};
 use crate::error::Result;
-use crate::kernels::Bilinear;
 use crate::lut::Lut;
 use crate::parallel::{self, check_interrupt};
 use crate::view::F16;
 use crate::view::buffer;
 use crate::view::{ImageView, ImageViewMut, Sample};
+use crate::warp::Bilinear;
 use crate::warp::WarpOptions;
 
 /// A sample and the one that stands in for it.
