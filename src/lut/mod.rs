@@ -118,7 +118,7 @@ impl Lut {
         {
             return Err(Error::DamagedTable { problem: "it is not the table of its camera and grid" });
         }
-        Ok(Self { table: self.table, scene: Some(Box::new(scene)) })
+        Ok(Self { scene: Some(Box::new(scene)), ..self })
     }
 
     pub(crate) fn table(&self) -> &Table {
