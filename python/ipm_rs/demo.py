@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ipm_rs import BevGrid, Camera, Lut, scene
-from ipm_rs.imagefile import require_pillow
+from ipm_rs.files.images import require_pillow
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

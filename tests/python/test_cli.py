@@ -24,7 +24,8 @@ from helpers import textured
 from PIL import Image
 
 import ipm_rs
-from ipm_rs import cli, imagefile
+from ipm_rs import cli
+from ipm_rs.files import images
 
 WIDTH, HEIGHT = 128, 64
 SIZE = ["--image-size", str(WIDTH), str(HEIGHT)]
@@ -455,7 +456,7 @@ def test_mistakes_are_refused_before_any_work(
     before = snapshot(here)
     worked = []
     if what not in ("cut image", "broken image", "infinite ground"):  # known only when decoded, or to the table
-        monkeypatch.setattr(imagefile, "read", worked.append)
+        monkeypatch.setattr(images, "read", worked.append)
     extra = [] if "--resolution" in arguments else COARSE
     assert cli.main(["warp", *arguments.split(), *SIZE, *extra]) == 2
     captured = capsys.readouterr()
@@ -581,7 +582,7 @@ def test_ctrl_c_is_no_traceback(
     def interrupt(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(imagefile, "probe", interrupt)
+    monkeypatch.setattr(images, "probe", interrupt)
     assert warp("frame.png", "-o", "bev.png") == 130
     assert capsys.readouterr().err == "ipm-rs: interrupted\n"
 

@@ -16,7 +16,8 @@ import pytest
 from helpers import refuses
 
 import ipm_rs
-from ipm_rs import errors, files, imagefile, pointfile
+from ipm_rs import errors, pointfile
+from ipm_rs.files import atomic, images
 
 POSIX = pytest.mark.skipif(os.name != "posix", reason="needs POSIX")
 
@@ -28,7 +29,7 @@ WRITERS: dict[str, Callable[[Path], None]] = {
     "camera.json": lambda path: CAMERA.save(path),
     "cloud.ply": lambda path: pointfile.write(path, np.ones((5, 3)), force=True),
     "cloud.pcd": lambda path: pointfile.write(path, np.ones((5, 3)), force=True),
-    "picture.png": lambda path: imagefile.write(path, np.zeros((4, 5), np.uint8), imagefile.Look("L")),
+    "picture.png": lambda path: images.write(path, np.zeros((4, 5), np.uint8), images.Look("L")),
 }
 
 
@@ -118,8 +119,8 @@ def test_a_full_disk_is_told_of(tmp_path, monkeypatch):
 @POSIX
 def test_leftovers_of_the_dead_go_and_those_of_the_living_stay(tmp_path):
     code = (
-        "import sys, time; from ipm_rs import files\n"
-        "with files.atomically(sys.argv[1]) as file:\n"
+        "import sys, time; from ipm_rs.files import atomic\n"
+        "with atomic.atomically(sys.argv[1]) as file:\n"
         "    file.write(b'half'); file.flush(); print('there', flush=True); time.sleep(600)\n"
     )
 
@@ -146,13 +147,13 @@ def test_leftovers_of_the_dead_go_and_those_of_the_living_stay(tmp_path):
 
 
 def test_an_interrupt_right_after_a_file_was_made_leaves_none(tmp_path, monkeypatch):
-    make = files._new_file
+    make = atomic._new_file
 
     def interrupted(path: Path):
         make(path).close()
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(files, "_new_file", interrupted)
+    monkeypatch.setattr(atomic, "_new_file", interrupted)
     with pytest.raises(KeyboardInterrupt):
         CAMERA.save(tmp_path / "camera.json")
     assert list(tmp_path.iterdir()) == []
@@ -174,10 +175,10 @@ def test_whatever_a_decoder_raises_becomes_ours(tmp_path):
         KeyError,
     )
     for failure in (*(kind("x") for kind in decoders), EOFError(), OSError("x"), OSError(5, "x")):
-        with refuses(errors.FileError, "a.npy"), files.reading(path, "an array"):
+        with refuses(errors.FileError, "a.npy"), atomic.reading(path, "an array"):
             raise failure
     for failure in (MemoryError(), KeyboardInterrupt(), errors.ImageError("x")):
-        with pytest.raises(type(failure)), files.reading(path, "an array"):
+        with pytest.raises(type(failure)), atomic.reading(path, "an array"):
             raise failure
 
 

@@ -29,7 +29,7 @@ from ipm_rs.calibration._checks import Section, blame, image_size, number, numbe
 from ipm_rs.calibration._files import Document, Source, keys_missing, read_json
 from ipm_rs.calibration._jsontext import parse_json
 from ipm_rs.errors import ArgumentTypeError, CalibrationError
-from ipm_rs.files import as_path, atomically
+from ipm_rs.files.atomic import as_path, atomically
 
 __all__ = ["KEYS", "TITLE", "missing", "read", "save", "to_json"]
 

@@ -11,7 +11,7 @@ from typing import Any, NoReturn, TypeAlias, TypeVar
 import ipm_rs
 from ipm_rs.cli.printing import emit_error
 from ipm_rs.errors import ArgumentError, CalibrationError, FileError, MissingFileError
-from ipm_rs.files import check_target
+from ipm_rs.files.atomic import check_target
 
 Header = TypeVar("Header")
 

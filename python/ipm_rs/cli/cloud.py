@@ -14,8 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import ipm_rs
-from ipm_rs import imagefile, pointfile
-from ipm_rs.cli import depthfile
+from ipm_rs import pointfile
 from ipm_rs.cli.arguments import (
     Commands,
     add_camera,
@@ -30,6 +29,8 @@ from ipm_rs.cli.arguments import (
 )
 from ipm_rs.cli.printing import Progress, emit, error_line, no_progress, progress_bar
 from ipm_rs.errors import ArgumentError, CalibrationError, FileError, ImageError
+from ipm_rs.files import depth as depthfile
+from ipm_rs.files import images
 
 RAMP = np.array([(24, 28, 84), (0, 110, 150), (60, 170, 90), (240, 220, 60), (255, 255, 255)], dtype=np.float64)
 """Colours of heights, low to high, for the picture."""
@@ -42,7 +43,7 @@ class _Job:
     """One depth image, its colours if there are any, and what is to be written."""
 
     depth: depthfile.Header
-    colours: imagefile.Header | None
+    colours: images.Header | None
     cloud: Path | None
     picture: Path | None
 
@@ -159,11 +160,11 @@ def _jobs(args: argparse.Namespace, depths: list[depthfile.Header | None], camer
 
     A pair of which one is damaged makes no job.
     """
-    colours: list[imagefile.Header | None] = [None] * len(depths)
+    colours: list[images.Header | None] = [None] * len(depths)
     if args.rgb is not None:
         if len(args.rgb) != len(depths):
             raise ArgumentError(f"--rgb: expected {len(depths)} images, one for each depth image, got {len(args.rgb)}")
-        colours, _ = read_headers(imagefile.probe, args.rgb)
+        colours, _ = read_headers(images.probe, args.rgb)
     for colour in colours:
         if colour is not None and colour.mode not in ("L", "RGB", "RGBA"):
             raise ImageError(f"{colour.path}: expected a grey or RGB image, got mode {colour.mode}; convert it")
@@ -207,7 +208,7 @@ def _check_outputs(jobs: list[_Job], args: argparse.Namespace) -> None:
         if job.cloud is not None:
             pointfile.check_name(job.cloud)
         if job.picture is not None:
-            imagefile.check_format(job.picture, "RGB", "the picture")
+            images.check_format(job.picture, "RGB", "the picture")
 
 
 def _make(job: _Job, camera: ipm_rs.Camera, grid: ipm_rs.BevGrid, args: argparse.Namespace) -> list[str]:
@@ -215,7 +216,7 @@ def _make(job: _Job, camera: ipm_rs.Camera, grid: ipm_rs.BevGrid, args: argparse
     depth = depthfile.read(job.depth)
     rgb = None
     if job.colours is not None:
-        pixels, _ = imagefile.read(job.colours.path)
+        pixels, _ = images.read(job.colours.path)
         rgb = np.repeat(pixels[..., None], 3, axis=2) if pixels.ndim == 2 else np.ascontiguousarray(pixels[..., :3])
     start = perf_counter()
     points, index = ipm_rs.points_from_depth(
@@ -243,7 +244,7 @@ def _make(job: _Job, camera: ipm_rs.Camera, grid: ipm_rs.BevGrid, args: argparse
         picture, layers, about = _picture(points, colours, grid, args)
         milliseconds = 1e3 * (perf_counter() - start)
         job.picture.parent.mkdir(parents=True, exist_ok=True)
-        imagefile.write(job.picture, picture, imagefile.Look("RGB"))
+        images.write(job.picture, picture, images.Look("RGB"))
         rows, columns = grid.shape
         filled = 100 * float(np.count_nonzero(layers["count"])) / (rows * columns)
         lines.append(

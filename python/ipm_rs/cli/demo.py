@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from ipm_rs import imagefile
 from ipm_rs.cli.arguments import Commands, check_output
 from ipm_rs.cli.printing import emit
+from ipm_rs.files import images
 
 DEMO_NAME = "ipm_demo.png"
 
@@ -37,12 +37,12 @@ def run(args: argparse.Namespace) -> None:
     """Draw the demo, and print what was measured."""
     from ipm_rs import demo
 
-    imagefile.require_pillow()
+    images.require_pillow()
     path = Path(DEMO_NAME if args.out is None else args.out)
-    imagefile.check_format(path, "RGB", "the picture")
+    images.check_format(path, "RGB", "the picture")
     check_output(path, may_exist=args.force or args.out is None)
     result = demo.run()
-    imagefile.write(path, np.asarray(demo.picture(result)), imagefile.Look("RGB"))
+    images.write(path, np.asarray(demo.picture(result)), images.Look("RGB"))
     for line in demo.report(result):
         emit(line)
     emit(f"picture   {path}")

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 import ipm_rs
-from ipm_rs import calibration, imagefile
+from ipm_rs import calibration
 from ipm_rs.cli.arguments import (
     Commands,
     add_camera,
@@ -29,6 +29,7 @@ from ipm_rs.cli.arguments import (
 )
 from ipm_rs.cli.printing import Progress, emit, error_line, no_progress, progress_bar
 from ipm_rs.errors import ArgumentError, CalibrationError, FileError, ImageError, IpmError
+from ipm_rs.files import images
 
 
 def add(commands: Commands) -> None:
@@ -44,7 +45,7 @@ Images may be grey, 16-bit grey, colour, with alpha, or label images with a pale
 palette are kept). EXIF orientation is not applied: the calibration belongs to the pixels as they are stored. Of several
 images, a damaged one is told of and left out; the others are made, and the exit status is 2. The extension of the
 output decides its format: """
-        + " ".join(imagefile.FORMATS)
+        + " ".join(images.FORMATS)
         + ".\n\n"
         + textwrap.fill(f"The format of the calibration is recognised: {', '.join(calibration.FORMATS)}.", 118),
         examples="""\
@@ -108,7 +109,7 @@ def run(args: argparse.Namespace) -> None:
     """Check everything, then warp image after image."""
     camera = _read_camera(args)
     grid = ipm_rs.BevGrid(x=args.x, y=args.y, resolution=resolution(args.resolution), sample_at=args.sample_at)
-    found, failed = read_headers(imagefile.probe, args.images)
+    found, failed = read_headers(images.probe, args.images)
     headers = [header for header in found if header is not None]
     for header in headers:
         _check_image(header, camera, args.interpolation)
@@ -128,7 +129,7 @@ def run(args: argparse.Namespace) -> None:
     with progress(list(zip(headers, outputs, strict=True))) as (jobs, say):
         for header, output in jobs:
             try:
-                pixels, look = imagefile.read(header.path)
+                pixels, look = images.read(header.path)
                 start = perf_counter()
                 bev = lut.warp(pixels, **options)
             except (FileError, ImageError) as error:  # one damaged frame does not stop the others
@@ -139,12 +140,12 @@ def run(args: argparse.Namespace) -> None:
                 continue
             milliseconds = 1e3 * (perf_counter() - start)
             output.parent.mkdir(parents=True, exist_ok=True)
-            imagefile.write(output, bev, look)
+            images.write(output, bev, look)
             if not args.quiet:
                 rows, cols = lut.shape
                 say(f"{output}  {cols} x {rows}  {100 * mask.mean():.1f} % valid  {milliseconds:.2f} ms", sys.stdout)
     if args.mask is not None and failed < len(args.images):
-        imagefile.write(args.mask, np.where(mask, np.uint8(255), np.uint8(0)), imagefile.Look("L"))
+        images.write(args.mask, np.where(mask, np.uint8(255), np.uint8(0)), images.Look("L"))
         if not args.quiet:
             emit(f"{args.mask}  {mask.shape[1]} x {mask.shape[0]}  mask")
     if failed:
@@ -160,7 +161,7 @@ def _read_camera(args: argparse.Namespace) -> ipm_rs.Camera:
         raise
 
 
-def _check_image(header: imagefile.Header, camera: ipm_rs.Camera, interpolation: str) -> None:
+def _check_image(header: images.Header, camera: ipm_rs.Camera, interpolation: str) -> None:
     """Refuse an image that does not fit the camera or the interpolation, and tell of what is left out."""
     if header.size != tuple(camera.image_size):
         (width, height), (wanted_width, wanted_height) = header.size, camera.image_size
@@ -181,7 +182,7 @@ def _check_image(header: imagefile.Header, camera: ipm_rs.Camera, interpolation:
         emit(f"ipm-rs: warning: {header.path}: the first of {header.frames} frames is used", sys.stderr)
 
 
-def _outputs(args: argparse.Namespace, headers: list[imagefile.Header]) -> list[Path]:
+def _outputs(args: argparse.Namespace, headers: list[images.Header]) -> list[Path]:
     """Names of the outputs of the images that can be read."""
     endings = {header.path: ".tif" if header.mode == "F" else ".png" for header in headers}
     names = output_names(
@@ -190,7 +191,7 @@ def _outputs(args: argparse.Namespace, headers: list[imagefile.Header]) -> list[
     return [name for name, path in zip(names, args.images, strict=True) if path in endings]
 
 
-def _check_outputs(outputs: list[Path], headers: list[imagefile.Header], args: argparse.Namespace) -> None:
+def _check_outputs(outputs: list[Path], headers: list[images.Header], args: argparse.Namespace) -> None:
     """Refuse outputs that cannot hold the pixels, exist, coincide, or are inputs."""
     sources = [Path(args.calibration), *(header.path for header in headers)]
     contents = [(output, header.mode, str(header.path)) for output, header in zip(outputs, headers, strict=True)]
@@ -201,7 +202,7 @@ def _check_outputs(outputs: list[Path], headers: list[imagefile.Header], args: a
     directory = None if outputs == [Path(args.output)] else Path(args.output)  # made later if it does not exist
     taken: dict[str, str] = {}
     for path, mode, what in contents:
-        imagefile.check_format(path, mode, what)
+        images.check_format(path, mode, what)
         other = taken.setdefault(os.path.normcase(os.path.realpath(path)), what)
         if other is not what:
             raise ArgumentError(f"{path}: expected one output per image, got it from {other} and {what}; rename one")
@@ -210,7 +211,7 @@ def _check_outputs(outputs: list[Path], headers: list[imagefile.Header], args: a
         check_output(path, may_exist=args.force, may_make=path.parent == directory)
 
 
-def _rehearse(headers: list[imagefile.Header], options: dict[str, Any]) -> None:
+def _rehearse(headers: list[images.Header], options: dict[str, Any]) -> None:
     """Warp one pixel of each kind of image, so that what the core refuses is refused before any work."""
     one = ipm_rs.Lut.from_maps(np.zeros((1, 1), np.float32), np.zeros((1, 1), np.float32), source_size=(1, 1))
     for header in {header.mode: header for header in headers}.values():

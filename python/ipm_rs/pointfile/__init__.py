@@ -33,7 +33,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ipm_rs._arguments import array_of, flag_of
 from ipm_rs.errors import ArgumentError, ArgumentTypeError, FileError
-from ipm_rs.files import as_path, atomically, check_source, check_target, reading
+from ipm_rs.files.atomic import as_path, atomically, check_source, check_target, reading
 
 __all__ = ["FORMATS", "Cloud", "check_name", "read", "write"]
 

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 import ipm_rs
-from ipm_rs import imagefile
 from ipm_rs.errors import ArgumentError, FileError, ImageError
-from ipm_rs.files import check_source, reading
+from ipm_rs.files import images
+from ipm_rs.files.atomic import check_source, reading
 from ipm_rs.pointfile.rows import check_header, mapped
 
 ARRAYS = (".npy", ".npz")
@@ -46,7 +46,7 @@ def probe(path: Path, scale: float | None) -> Header:
         array = _array(path)
         kind, size = array.dtype.name, (array.shape[1], array.shape[0])
     else:
-        header = imagefile.probe(path)
+        header = images.probe(path)
         kind, size = {"RGB": "rgb", "RGBA": "rgba", "I;16": "uint16", "F": "float32"}.get(header.mode, ""), header.size
         if not kind:
             raise ImageError(
@@ -72,7 +72,7 @@ def read(header: Header) -> NDArray[Any]:
     """
     if header.path.suffix.lower() in ARRAYS:
         return np.ascontiguousarray(_array(header.path))
-    pixels, _ = imagefile.read(header.path)
+    pixels, _ = images.read(header.path)
     if header.kind == "rgb":
         return ipm_rs.decode_carla_depth(pixels, order="rgb")
     if header.kind == "rgba":

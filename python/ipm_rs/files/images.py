@@ -31,7 +31,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ipm_rs.errors import ArgumentError, FileError, ImageError, MissingExtraError
-from ipm_rs.files import atomically, check_source, reading
+from ipm_rs.files.atomic import atomically, check_source, reading
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
