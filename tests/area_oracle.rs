@@ -90,14 +90,10 @@ fn smooth() -> Vec<f32> {
     (0..SIDE * SIDE).map(|index| value(at(index)) as f32).collect()
 }
 
-/// How far area of noise may be from the exact mean, of footprints whose shorter side is so long: the most of the tables in
-/// docs/area.md, and of slivers. Noise is the hardest picture there is: every pixel counts alike.
+/// How far area of noise may be from the exact mean, of footprints whose shorter side is so long, slivers too. Noise is the
+/// hardest picture there is: every pixel counts alike.
 fn noise_bound(shorter: f64) -> f64 {
-    match shorter {
-        ..1.0 => 0.30,
-        ..5.0 => 0.60,
-        _ => 0.45,
-    }
+    if (1.0..5.0).contains(&shorter) { 0.60 } else { 0.45 }
 }
 
 /// Where [`noise_bound`] is far stricter: footprints that are about as long as they are wide, however they lie.
@@ -158,13 +154,15 @@ proptest! {
         let mut got = vec![0u8; cells.count * cells.count];
         let mut out = ImageViewMut::new(&mut got, (cells.count, cells.count), 1).unwrap();
         cells.lut().warp_many_mode_into(&[view], std::slice::from_mut(&mut out), &WarpOptions::default()).unwrap();
+        // up to 16 x 16 pixels are looked at, of few pixels few: an id is always one of the footprint's, and mostly the first
+        let (mut right, mut count) = (0, 0);
         for (cell, footprint) in cells.inner() {
             let ids = reference::ids(&view, &footprint, 0);
             let total: f64 = ids.iter().map(|id| id.1).sum();
             let own = ids.iter().find(|id| id.0 == got[cell]).map_or(0.0, |id| id.1);
-            // of few pixels few are looked at
-            let slack = if total < 6.0 { 0.55 } else { 0.3 };
-            prop_assert!(own > ids[0].1 - slack * total, "{} covers {own} of {total}: {ids:?}", got[cell]);
+            prop_assert!(own > 0.0, "{} is none of {ids:?}", got[cell]);
+            (right, count) = (right + usize::from(own > ids[0].1 - 0.1 * total), count + 1);
         }
+        prop_assert!(10 * right >= 9 * count, "{right} of {count}");
     }
 }

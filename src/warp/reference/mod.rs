@@ -1,5 +1,9 @@
 //! The oracle of the tests: the warp written for obviousness, in float64, cell by cell, without table or kernels.
 
+mod footprint;
+
+pub use footprint::{Footprint, area, covered_area, ids, parallelogram};
+
 use crate::view::ImageView;
 use crate::warp::Interpolation;
 
