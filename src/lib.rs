@@ -47,7 +47,7 @@ pub use finding::{Finding, Unseen};
 pub use grid::{BevGrid, SampleAt};
 pub use ground::{Ground, HeightMap, Plane};
 pub use lut::Lut;
-pub use parallel::{interruptible, num_threads, set_num_threads};
+pub use parallel::{ignored_variable, interruptible, num_threads, set_num_threads};
 pub use view::{F16, ImageView, ImageViewMut, MAX_CELLS, Sample};
 pub use warp::direct::{BorderMode, Mapping, inverse_homography, warp_direct_into, warp_direct_nearest_into};
 pub use warp::{Bilinear, Interpolation, WarpOptions};

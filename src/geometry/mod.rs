@@ -9,9 +9,7 @@ mod vanishing;
 pub use euler::{euler_from_rotation, rotation_from_euler};
 pub use handedness::{flip_handedness_euler, flip_handedness_point, flip_handedness_pose, flip_handedness_rotation};
 pub use homography::{GroundHomography, homography_from_points};
-pub use pose::Pose;
-#[cfg(feature = "python")]
-pub(crate) use pose::check_rotation;
+pub use pose::{Pose, check_rotation};
 pub use vanishing::vanishing_point;
 
 use nalgebra::Matrix3;

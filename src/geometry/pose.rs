@@ -122,8 +122,11 @@ fn nearest_rotation(what: &'static str, matrix: &Matrix3<f64>) -> Result<Matrix3
     Ok(u * v_t)
 }
 
-/// Refuses what is not a rotation.
-pub(crate) fn check_rotation(what: &'static str, rotation: &Matrix3<f64>) -> Result<()> {
+/// Refuses what is not a rotation; `what` is its name in the error.
+///
+/// # Errors
+/// [`Error::NotRigid`] and [`Error::NotFinite`].
+pub fn check_rotation(what: &'static str, rotation: &Matrix3<f64>) -> Result<()> {
     check_within(what, rotation, ORTHONORMALITY)
 }
 

@@ -15,8 +15,6 @@ pub(crate) use interrupt::check_interrupt;
 pub use interrupt::interruptible;
 
 use crate::error::{Error, Result};
-#[cfg(feature = "python")]
-use crate::view::buffer;
 use crew::Crew;
 
 /// Threads asked for by [`set_num_threads`]; 0 before it is called.
@@ -64,8 +62,7 @@ pub fn num_threads() -> usize {
 
 /// What is wrong with `IPM_RS_NUM_THREADS`, whose value is then not heeded; `None` where it is not set, or empty, or a
 /// number of threads.
-#[cfg(feature = "python")]
-pub(crate) fn ignored_variable() -> Option<String> {
+pub fn ignored_variable() -> Option<String> {
     let value = std::env::var_os(VARIABLE)?;
     match value.to_str() {
         Some(text) if text.trim().is_empty() || threads_from(text).is_some() => None,
@@ -126,31 +123,6 @@ pub(crate) fn for_each<J: Send>(
     crew.dismiss(|| check_interrupt().unwrap_or_else(note));
     let failure = lock(&failure).take();
     failure.map_or(Ok(()), Err)
-}
-
-/// `work` of every item, in order; the result does not depend on `threads`. For work of 10 ns an item and more.
-///
-/// # Errors
-/// [`Error::OutOfMemory`] for `what`, and [`Error::Interrupted`].
-#[cfg(feature = "python")]
-pub(crate) fn map<T: Sync, U: bytemuck::Zeroable + Copy + Send + Sync>(
-    what: &'static str,
-    threads: usize,
-    items: &[T],
-    work: impl Fn(&T) -> U + Sync,
-) -> Result<Vec<U>> {
-    /// A job of 10 us or more.
-    const ITEMS_A_JOB: usize = 1024;
-    let mut results = buffer::zeroed(what, items.len())?;
-    let jobs = items.chunks(ITEMS_A_JOB).zip(results.chunks_mut(ITEMS_A_JOB));
-    let threads = if items.len() <= 2 * ITEMS_A_JOB { 1 } else { threads };
-    for_each(threads, jobs, |(items, results)| {
-        for (result, item) in results.iter_mut().zip(items) {
-            *result = work(item);
-        }
-        Ok(())
-    })?;
-    Ok(results)
 }
 
 /// Locks, also after a panic: what the locks here guard is never left half changed.

@@ -9,13 +9,13 @@ use super::camera::PyCamera;
 use super::cloud::Projected;
 use super::convert::{Call, Floats, flag, float, float_or_two, floats, rows_to_numpy, size, whole, word};
 use super::detached;
-use super::each::{WHAT, each_number, each_projected, each_row, numbers};
+use super::each::{WHAT, each_number, each_projected, each_row, map, numbers};
 use super::error::classes::ArgumentError;
 use super::ground::{given_road, only_ground, plane_of, road};
 use super::ground_points::bev_grid;
 use super::lens::lens as lens_model;
 use super::warnings::checked;
-use crate::parallel::{self, num_threads};
+use crate::parallel::num_threads;
 use crate::view::buffer;
 use crate::{Binning, Camera, Pinhole, RangeError};
 
@@ -234,7 +234,7 @@ impl PyCamera {
             let RangeError { pixel, pitch } = self.camera.range_error(uv, &ground, pixels, pitch);
             [pixel, pitch]
         };
-        let errors = detached::run(py, || parallel::map(WHAT, num_threads(), rows, error))?;
+        let errors = detached::run(py, || map(num_threads(), rows, error))?;
         let column = |column: usize| numbers(py, errors.iter().map(|error| error[column]));
         Ok((column(0)?, column(1)?))
     }

@@ -89,7 +89,7 @@ mod core_module {
 
     #[pymodule_init]
     fn init(module: &pyo3::Bound<'_, pyo3::types::PyModule>) -> pyo3::PyResult<()> {
-        match crate::parallel::ignored_variable() {
+        match crate::ignored_variable() {
             Some(message) => super::warn(module.py(), &message),
             None => Ok(()),
         }

@@ -78,6 +78,13 @@ def test_rooms_use_only_what_stands_below_them():
     assert upward == UPWARD, "one is mended: take it off the list"
 
 
+def test_the_core_is_one_with_and_without_python():
+    """What the default features build is what the binding gets: only its own module is left out."""
+    naming = [path.relative_to(ROOT / "src").as_posix() for path in RUST if "feature =" in path.read_text("utf-8")]
+    assert [name for name in naming if not name.startswith("python/")] == ["lib.rs"]
+    assert read("src/lib.rs").count("feature =") == 1
+
+
 def test_the_reference_knows_neither_tables_nor_kernels():
     for path in sorted((ROOT / "src/warp/reference").rglob("*.rs")):
         text = code(path)

@@ -134,8 +134,7 @@ impl BrownConrady {
     }
 
     /// All 14, zero where not given.
-    #[cfg(feature = "python")]
-    pub(crate) fn all_coefficients(&self) -> &[f64; 14] {
+    pub fn all_coefficients(&self) -> &[f64; 14] {
         &self.c
     }
 

@@ -121,8 +121,7 @@ impl Ocam {
     }
 
     /// f with z forward, 12 coefficients.
-    #[cfg(feature = "python")]
-    pub(crate) fn forward(&self) -> &[f64] {
+    pub fn forward(&self) -> &[f64] {
         &self.forward
     }
 
