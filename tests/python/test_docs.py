@@ -45,6 +45,17 @@ def test_the_changelog_tells_what_is_released_from_what_is_not():
     assert versions[:2] == ["Unreleased", ipm_rs.__version__]
 
 
+def test_the_glossary_names_what_the_sources_have():
+    sources = "\n".join(path.read_text(encoding="utf-8") for path in (ROOT / "src").rglob("*.rs"))
+    rows = re.findall(r"^\| .*$", (ROOT / "docs" / "glossary.md").read_text(encoding="utf-8"), re.MULTILINE)
+    names = [name for row in rows for name in re.findall(r"`([A-Z]\w+)`", row)]
+    assert len(names) >= 10
+    for name in names:
+        assert re.search(rf"\b(struct|enum|type|trait) {name}\b", sources), name
+    words = [row.split("|")[1].strip() for row in rows if "---" not in row and "| word |" not in row]
+    assert len(words) == len(set(words)) > 20
+
+
 @pytest.mark.parametrize("page", pages(), ids=lambda page: page.relative_to(ROOT).as_posix())
 def test_links_lead_somewhere(page):
     """MkDocs checks its own pages; this checks the repository's as well, where they are read without it."""

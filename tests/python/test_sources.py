@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).resolve().parents[2]
 RUST = sorted((ROOT / "src").rglob("*.rs"))
 
@@ -140,6 +142,30 @@ def test_contributing_names_what_exists():
     assert {folder for folder in folders - made if folder != "proptest-regressions/"} <= set(
         re.findall(r"^\S+/", tree, re.M)
     ) | {"python/"}
+
+
+RECIPES = {
+    "A lens": (r"(?i)\b(py)?eucm\b", {"kalibr", "_lenswords"}),
+    "A calibration reader": (r"woodscape", set()),
+}
+"""The name of a recipe's example, and the modules that know it for another reason: readers of that lens."""
+
+
+@pytest.mark.parametrize("title", RECIPES)
+def test_a_recipe_names_every_file_that_knows_its_example(title):
+    pattern, others = RECIPES[title]
+    section = re.search(rf"^### {title}\n(.*?)^##", read("CONTRIBUTING.md"), re.MULTILINE | re.DOTALL)[1]
+    named = set(re.findall(r"`((?:src|python)/[\w/]+\.\w+)`", section))
+    sources = [*RUST, *(path for path in (ROOT / "python").rglob("*.py*") if path.suffix in (".py", ".pyi"))]
+    names = {path.relative_to(ROOT).as_posix(): path.read_text("utf-8").split("#[cfg(test)]")[0] for path in sources}
+    knowing = {name for name, text in names.items() if re.search(pattern, name + re.sub(r"//.*", "", text))}
+    assert {name for name in knowing if Path(name).stem not in others} == named
+
+
+def test_recipes_name_what_exists():
+    section = re.search(r"^## Recipes\n(.*?)^## Commits", read("CONTRIBUTING.md"), re.MULTILINE | re.DOTALL)[1]
+    for name in re.findall(r"`((?:src|python|tests|benches|docs|scripts)/[\w/.]*)`", section):
+        assert (ROOT / name).exists(), name
 
 
 def test_the_workflow_runs_what_a_commit_does_not():
