@@ -18,11 +18,13 @@
 //! is left is the rounding of the arithmetic itself; those of integers take them in Q15, as a table has them.
 
 mod aligned;
+pub(crate) mod average;
 #[cfg(target_arch = "x86_64")]
 mod avx2;
 #[cfg(target_arch = "x86_64")]
 mod avx512;
 mod blend;
+mod halve;
 #[cfg(target_arch = "aarch64")]
 mod neon;
 mod places;
@@ -35,8 +37,9 @@ mod unpack;
 mod widen;
 
 pub(crate) use aligned::Row;
+pub(crate) use average::Average;
 #[cfg(target_arch = "x86_64")]
-pub(crate) use avx512::boxes_u8;
+use avx512::boxes_u8;
 pub(crate) use blend::sealed;
 use blend::sealed::Blend;
 pub(crate) use places::{Exact, ExactBlend, ExactKernels, Float};
@@ -46,9 +49,9 @@ pub(crate) use unpack::{FRACTION_BITS, unpack};
 pub(crate) use widen::widen;
 
 use crate::cpu::Isa;
-use crate::lut::area::Block;
-use crate::lut::area::block::Size;
 use crate::table::Tap;
+use crate::table::block::Block;
+use crate::table::block::Size;
 use crate::view::{ImageView, Sample, as_bytes, as_bytes_mut};
 
 /// What a kernel reads: the image and the border value of each channel.
@@ -138,8 +141,8 @@ pub(crate) struct Probes<'a> {
     pub(crate) origin: [i32; 2],
     /// log2 of the pixels from entry to entry of the image.
     pub(crate) steps: [u32; 2],
-    /// Whether the average is rounded as [`Average::finish`](crate::warp::area::Average::finish) says.
-    pub(crate) lean: bool,
+    /// Whether the average is rounded as [`Average::finish`] says.
+    pub(crate) round_bias: bool,
 }
 
 impl Probes<'_> {

@@ -1,9 +1,10 @@
 //! How much of the source a cell sees.
 
 use super::Lut;
-use super::area::{Coordinates, Q, Sides, check_sides};
+use super::footprint::{Coordinates, Sides, check_sides};
 use crate::cpu::Isa;
 use crate::error::Result;
+use crate::kernels::FRACTION_BITS;
 use crate::parallel;
 use crate::view::buffer;
 
@@ -62,7 +63,7 @@ impl Lut {
                 sides.read(isa, &near);
                 for (cell, values) in cells.chunks_exact_mut(N).enumerate().filter(|&(cell, _)| near[1].is_valid(cell))
                 {
-                    let pixels = |side: i32| f64::from(side) / f64::from(1 << Q);
+                    let pixels = |side: i32| f64::from(side) / f64::from(1 << FRACTION_BITS);
                     values.copy_from_slice(&of(sides.of(cell).map(pixels)));
                 }
                 near.rotate_left(1);

@@ -1,45 +1,72 @@
 //! What follows from a table and is worked out when it is first asked for.
 
+use std::any::Any;
 use std::fmt;
 use std::sync::{Arc, OnceLock};
 
-/// A slot of a [`Lut`](super::Lut) for what follows from its table: empty at first, filled once, shared by all clones made
-/// since. It says nothing that the table does not, so all slots are equal.
-pub(super) struct Derived<T>(OnceLock<Arc<T>>);
+use crate::error::Result;
+use crate::table::Table;
 
-impl<T> Clone for Derived<T> {
-    fn clone(&self) -> Self {
-        Self(self.0.clone())
-    }
+/// What a [`Lut`](super::Lut) keeps for those who work it out from its table: the plan of area, for one. The table itself
+/// does not know what these are.
+pub(crate) trait Derivative: Any + Send + Sync {
+    /// Bytes that it holds.
+    fn nbytes(&self) -> usize;
 }
 
-impl<T> Default for Derived<T> {
-    fn default() -> Self {
-        Self(OnceLock::new())
-    }
-}
+/// Kinds of derivatives that a table may have at once.
+const KINDS: usize = 4;
 
-impl<T> Derived<T> {
-    pub(super) fn get(&self) -> Option<&T> {
-        self.0.get().map(|value| &**value)
-    }
+/// Slots of a [`Lut`](super::Lut) for derivatives, one of each kind: empty at first, filled once, shared by all clones made
+/// since. They say nothing that the table does not, and so have no part in equality or in pickles.
+#[derive(Clone, Default)]
+pub(super) struct Derived([OnceLock<Arc<dyn Derivative>>; KINDS]);
 
-    /// The value that there is now: this one, or one that another thread made meanwhile.
-    pub(super) fn set(&self, value: T) -> &T {
+impl Derived {
+    /// The derivative of this kind; made from the table where there is none yet.
+    ///
+    /// # Errors
+    /// Those of `make`.
+    pub(super) fn get_or_make<T: Derivative>(
+        &self,
+        table: &Table,
+        make: impl FnOnce(&Table) -> Result<T>,
+    ) -> Result<&T> {
+        if let Some(found) = self.find() {
+            return Ok(found);
+        }
         // not `get_or_init`, which would make a child wait for ever that is forked while another thread builds
-        self.0.set(Arc::new(value)).ok();
-        self.get().expect("set by us or by another")
+        let mut made: Arc<dyn Derivative> = Arc::new(make(table)?);
+        for slot in &self.0 {
+            match slot.set(made) {
+                Ok(()) => break,
+                Err(back) => made = back,
+            }
+            // another thread may have made the same meanwhile
+            if slot.get().is_some_and(|there| is::<T>(&**there)) {
+                break;
+            }
+        }
+        Ok(self.find().expect("there is a slot for every kind"))
+    }
+
+    /// Bytes that all of them hold.
+    pub(super) fn nbytes(&self) -> usize {
+        self.0.iter().filter_map(OnceLock::get).map(|made| made.nbytes()).sum()
+    }
+
+    fn find<T: Derivative>(&self) -> Option<&T> {
+        self.0.iter().filter_map(OnceLock::get).find_map(|made| (&**made as &dyn Any).downcast_ref())
     }
 }
 
-impl<T> PartialEq for Derived<T> {
-    fn eq(&self, _: &Self) -> bool {
-        true
-    }
+fn is<T: Derivative>(made: &dyn Derivative) -> bool {
+    (made as &dyn Any).is::<T>()
 }
 
-impl<T> fmt::Debug for Derived<T> {
+impl fmt::Debug for Derived {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(if self.get().is_some() { "Derived(made)" } else { "Derived" })
+        let count = self.0.iter().filter_map(OnceLock::get).count();
+        write!(f, "Derived({count} made)")
     }
 }

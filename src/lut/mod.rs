@@ -1,21 +1,21 @@
 //! The look-up table between a grid and an image: built once, used for every frame.
 
-pub(crate) mod area;
 mod build;
 mod cells;
 mod density;
 mod derived;
+pub(crate) mod footprint;
 mod maps;
 mod plausibility;
 mod scene;
 
 use crate::camera::Camera;
-use crate::cpu::Isa;
 use crate::error::{Error, Result};
 use crate::grid::BevGrid;
 use crate::ground::Ground;
 use crate::table::Table;
 pub(crate) use build::{check_homography, homography_row};
+pub(crate) use derived::Derivative;
 use derived::Derived;
 pub(crate) use scene::Scene;
 
@@ -27,8 +27,7 @@ pub(crate) use scene::Scene;
 pub struct Lut {
     table: Table,
     scene: Option<Box<Scene>>,
-    /// How `area` averages, once it was asked for.
-    area: Derived<area::Plan>,
+    derived: Derived,
 }
 
 impl PartialEq for Lut {
@@ -73,18 +72,15 @@ impl Lut {
     /// Bytes that the table holds, and from the first use of [`Interpolation::Area`](crate::Interpolation::Area) on those
     /// of what it needs beyond.
     pub fn nbytes(&self) -> usize {
-        self.table.nbytes() + self.area.get().map_or(0, area::Plan::nbytes)
+        self.table.nbytes() + self.derived.nbytes()
     }
 
-    /// What `area` needs beyond the table; made by the first call.
+    /// What follows from the table; made by the first call.
     ///
     /// # Errors
-    /// [`Error::AreaSize`](crate::Error::AreaSize), [`Error::Isa`](crate::Error::Isa), [`Error::OutOfMemory`](crate::Error::OutOfMemory).
-    pub(crate) fn area_plan(&self) -> Result<&area::Plan> {
-        match self.area.get() {
-            Some(plan) => Ok(plan),
-            None => Ok(self.area.set(area::Plan::new(Isa::active()?, &self.table)?)),
-        }
+    /// Those of `make`.
+    pub(crate) fn derived<T: Derivative>(&self, make: impl FnOnce(&Table) -> Result<T>) -> Result<&T> {
+        self.derived.get_or_make(&self.table, make)
     }
 
     /// The camera that the table is of; none where it was made of maps, of a homography or of pairs of points.
@@ -104,7 +100,7 @@ impl Lut {
 
     /// A table of plain coordinates.
     fn of_table(table: Table) -> Self {
-        Self { table, scene: None, area: Derived::default() }
+        Self { table, scene: None, derived: Derived::default() }
     }
 
     /// The same table, said to be that of a scene.

@@ -7,7 +7,9 @@
 use std::mem::MaybeUninit;
 use std::ops::Range;
 
+pub(crate) mod block;
 mod bytes;
+pub(crate) mod pattern;
 mod tap;
 
 pub(crate) use tap::{ONE, SpanKind, Tap, framed, unframed};

@@ -4,10 +4,12 @@
 use super::{WarpOptions, check};
 use crate::cpu::Isa;
 use crate::error::{Error, Result};
+use crate::kernels::FRACTION_BITS;
 use crate::kernels::{RowKernels, Source};
 use crate::lut::Lut;
-use crate::lut::area::{Coordinates, Q, Shape, Sides, check_sides};
+use crate::lut::footprint::{Coordinates, Sides, check_sides};
 use crate::parallel::{self, check_interrupt};
+use crate::table::pattern::SamplePattern;
 use crate::table::{Span, SpanKind};
 use crate::view::buffer;
 use crate::view::{ImageView, ImageViewMut, RowsMut, Sample};
@@ -151,18 +153,21 @@ impl<T: Sample + Ord> Job<'_, T> {
 
     /// Replaces the nearest pixel of a cell by the majority of its footprint, if that is larger than a pixel.
     fn cell(&self, centre: [i32; 2], [ax, ay, bx, by]: [i32; 4], values: &mut [T], votes: &mut Votes) {
-        let looks =
-            |x: i32, y: i32| ((x.abs().max(y.abs()).saturating_add((1 << Q) - 1)) >> Q).clamp(1, MAX_LOOKS) as u8;
+        let looks = |x: i32, y: i32| {
+            ((x.abs().max(y.abs()).saturating_add((1 << FRACTION_BITS) - 1)) >> FRACTION_BITS).clamp(1, MAX_LOOKS) as u8
+        };
         let (along, down) = (looks(ax, ay), looks(bx, by));
         if along.max(down) == 1 {
             return;
         }
         let size = [self.labels.image.width(), self.labels.image.height()];
         let part = |side: i32, index: u8, count: u8| {
-            (i64::from(side) * i64::from(Shape::offsets(count)[usize::from(index)])) >> 14
+            (i64::from(side) * i64::from(SamplePattern::offsets(count)[usize::from(index)])) >> 14
         };
         let pixel = |centre: i32, a: i64, b: i64, size: usize| {
-            usize::try_from((i64::from(centre) + a + b + (1 << (Q - 1))) >> Q).ok().filter(|&at| at < size)
+            usize::try_from((i64::from(centre) + a + b + (1 << (FRACTION_BITS - 1))) >> FRACTION_BITS)
+                .ok()
+                .filter(|&at| at < size)
         };
         for (channel, value) in values.iter_mut().enumerate() {
             for (i, j) in (0..along).flat_map(|i| (0..down).map(move |j| (i, j))) {

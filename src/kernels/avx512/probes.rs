@@ -10,12 +10,12 @@ use std::ops::Range;
 use super::all_within;
 use super::bytes::{Reach, Weights, gather, load_widest, load_window, near, planar, wide, widest};
 use crate::cpu::Isa;
+use crate::kernels::average::Average;
 use crate::kernels::plane::Plane;
 use crate::kernels::{Probes, Source, scalar};
-use crate::lut::area::Block;
-use crate::lut::area::block::{Basis, LANES};
 use crate::table::Tap;
-use crate::warp::area::Average;
+use crate::table::block::Block;
+use crate::table::block::{Basis, LANES};
 
 /// Footprints whose probes' pixels exist, of an image of 3 or 4 channels.
 ///
@@ -296,7 +296,7 @@ impl Finish {
     #[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512vbmi,avx512vnni")]
     fn new(probes: &Probes<'_>) -> Self {
         let count = probes.count();
-        let half = count / if probes.lean { 4 } else { 2 };
+        let half = count / if probes.round_bias { 4 } else { 2 };
         Self {
             half: _mm512_set1_epi16(half as i16),
             shift: count.is_power_of_two().then(|| _mm_cvtsi32_si128(count.ilog2() as i32)),
@@ -368,5 +368,5 @@ fn one_by_one<const CHANNELS: usize>(
             <u8 as Average>::add(Isa::Scalar, cells, blends, sums);
         }
     }
-    <u8 as Average>::finish(Isa::Scalar, probes.count(), probes.lean, sums, cells);
+    <u8 as Average>::finish(Isa::Scalar, probes.count(), probes.round_bias, sums, cells);
 }

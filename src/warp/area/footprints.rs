@@ -1,10 +1,12 @@
 //! The footprints of cells, worked out from their taps and plan.
 
+use super::plan::{PatternSpan, RowPlan};
 use crate::cpu::Isa;
 use crate::cpu::for_each_isa;
 use crate::error::Result;
-use crate::lut::area::block::{LANES, Size};
-use crate::lut::area::{Block, Coordinates, Piece, RowPlan};
+use crate::lut::footprint::Coordinates;
+use crate::table::block::Block;
+use crate::table::block::{LANES, Size};
 use crate::table::{Span, Table};
 use crate::view::buffer;
 
@@ -16,7 +18,7 @@ pub(super) struct Footprints {
     at: Coordinates,
     /// Middle, 1/1024 pixel.
     pub(super) centre: [Vec<i32>; 2],
-    /// x and y of the side along the output's row, then of the one down its columns, 1/1024 pixel before the piece's shift.
+    /// x and y of the side along the output's row, then of the one down its columns, 1/1024 pixel before the span's shift.
     pub(super) sides: [Vec<i16>; 4],
 }
 
@@ -29,10 +31,10 @@ impl Footprints {
         Ok(Self { isa, at: Coordinates::none(table)?, centre, sides })
     }
 
-    /// Works out the footprints of a piece, whose cells are these, on a source of this width.
-    pub(super) fn work_out(&mut self, plan: &RowPlan<'_>, piece: &Piece, cells: Span<'_>, width: u32) {
+    /// Works out the footprints of a span, whose cells are these, on a source of this width.
+    pub(super) fn work_out(&mut self, plan: &RowPlan<'_>, pattern_span: &PatternSpan, cells: Span<'_>, width: u32) {
         self.at.read_cells(self.isa, cells, width);
-        let (blocks, first) = plan.blocks(piece);
+        let (blocks, first) = plan.blocks(pattern_span);
         let at = self.at.axes().map(|axis| &axis[1 + first..]);
         let centre = self.centre.each_mut().map(|axis| &mut axis[first..]);
         let sides = self.sides.each_mut().map(|side| &mut side[first..]);
@@ -63,11 +65,11 @@ fn work_out(
             // Of narrow blocks the lanes that are too many are written over by the next one's. A side with one probe is not
             // looked at: more than half of the cells of 10 cm have but one.
             let basis = size.basis();
-            if block.shape.along > 1 {
+            if block.pattern.along > 1 {
                 *lanes(ax, first) = block.side(0, half_rows, basis);
                 *lanes(ay, first) = block.side(1, half_rows, basis);
             }
-            if block.shape.down > 1 {
+            if block.pattern.down > 1 {
                 *lanes(bx, first) = block.side(2, half_rows, basis);
                 *lanes(by, first) = block.side(3, half_rows, basis);
             }

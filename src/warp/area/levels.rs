@@ -2,11 +2,11 @@
 
 use std::ops::Range;
 
-use super::average::Average;
-use super::room::Room;
+use super::plan::{Plan, RipLevel};
+use super::scratch_lease::ScratchLease;
 use crate::cpu::Isa;
 use crate::error::Result;
-use crate::lut::area::{Level, Plan};
+use crate::kernels::Average;
 use crate::parallel;
 use crate::view::buffer;
 use crate::view::{ImageView, Sample};
@@ -17,7 +17,7 @@ const CHUNK_ROWS: usize = 16;
 /// The levels of one image, ready to be looked at.
 pub(super) struct Levels<'a, T> {
     source: ImageView<'a, T>,
-    levels: Vec<(&'a Level, ImageView<'a, T>)>,
+    levels: Vec<(&'a RipLevel, ImageView<'a, T>)>,
 }
 
 impl<'a, T: Sample + Average> Levels<'a, T> {
@@ -25,11 +25,11 @@ impl<'a, T: Sample + Average> Levels<'a, T> {
     pub(super) fn new(
         plan: &'a Plan,
         image: &ImageView<'a, T>,
-        room: &'a mut Room<'_>,
+        room: &'a mut ScratchLease<'_>,
         (isa, threads): (Isa, usize),
     ) -> Result<Self> {
         let channels = image.channels();
-        let row = |level: &Level| level.width as usize * channels;
+        let row = |level: &RipLevel| level.width as usize * channels;
         let mut rest = room.samples::<T>();
         let jobs = plan.levels.iter().flat_map(|level| {
             let own = rest.take(level.columns.len() * row(level));
@@ -64,7 +64,7 @@ impl<'a, T: Sample + Average> Levels<'a, T> {
     }
 }
 
-/// What making the rows of a level needs.
+/// Buffers for making the rows of a level.
 struct Scratch<'a, T> {
     isa: Isa,
     image: &'a ImageView<'a, T>,
@@ -78,7 +78,7 @@ struct Scratch<'a, T> {
 }
 
 impl<'a, T: Sample + Average> Scratch<'a, T> {
-    fn new(isa: Isa, image: &'a ImageView<'a, T>, level: &Level) -> Result<Self> {
+    fn new(isa: Isa, image: &'a ImageView<'a, T>, level: &RipLevel) -> Result<Self> {
         let row = || buffer::filled("area", image.width() * image.channels(), T::default());
         let halves = (3..=level.ky).map(|_| Ok([row()?, row()?])).collect::<Result<_>>()?;
         Ok(Self { isa, image, kx: level.kx, ky: level.ky, row: vec![], next: vec![], halves })
@@ -88,10 +88,10 @@ impl<'a, T: Sample + Average> Scratch<'a, T> {
     /// boxes; integers halfway are rounded up in every other step, so that they do not drift.
     fn row(&mut self, row: usize, columns: Range<u32>, out: &mut [T]) -> Result<()> {
         let channels = self.image.channels();
-        let step = Level::log_step(self.kx);
+        let step = RipLevel::log_step(self.kx);
         let pixels = (columns.start as usize) << step..(((columns.end - 1) as usize) << step) + (1 << self.kx);
         let all = pixels.start * channels..pixels.end * channels;
-        let y = row << Level::log_step(self.ky);
+        let y = row << RipLevel::log_step(self.ky);
         if self.kx == 0 {
             down(self.isa, self.image, y, self.ky, &all, &mut self.halves, out);
             return Ok(());

@@ -5,37 +5,35 @@
 //! taps of the ordinary kernels, so every dtype, channel count and instruction set is served, and all agree to the last
 //! bit.
 
-mod average;
 mod footprints;
 mod levels;
-mod pairs;
+pub(crate) mod plan;
 mod probes;
-mod room;
+mod scratch_lease;
 mod stand_in;
 
 use std::slice;
 
-pub(crate) use average::Average;
-
 use super::{Bilinear, WarpOptions};
 use crate::cpu::Isa;
 use crate::error::Result;
-use crate::kernels::{ProbesKernel, RowKernels, Source, sealed::Blend};
+use crate::kernels::{Average, ProbesKernel, RowKernels, Source, sealed::Blend};
 use crate::lut::Lut;
-use crate::lut::area::block::LANES;
-use crate::lut::area::{Piece, Plan, RowPlan, Shape, leaves};
 use crate::parallel;
+use crate::table::block::LANES;
+use crate::table::pattern::SamplePattern;
 use crate::table::{Span, SpanKind, Tap};
 use crate::view::F16;
 use crate::view::buffer;
 use crate::view::{ImageView, ImageViewMut, RowsMut};
 use footprints::Footprints;
 use levels::Levels;
-use probes::{Lattice, is_lean};
-use room::Room;
+use plan::{PatternSpan, Plan, RowPlan, leaves};
+use probes::{Lattice, has_round_bias};
+use scratch_lease::ScratchLease;
 use stand_in::warp_by_stand_in;
 
-/// So many cells are probed at once, and at the end of a piece up to a vector more: taps, one probe and the sums of three
+/// So many cells are probed at once, and at the end of a span up to a vector more: taps, one probe and the sums of three
 /// channels are 1.5 KB.
 const BATCH: usize = 64;
 
@@ -43,7 +41,7 @@ const BATCH: usize = 64;
 /// time, and on two threads half of it.
 const WORK: usize = 8;
 
-/// Room for a batch, rounded up to whole vectors.
+/// Cells that the buffers of a batch have room for: rounded up to whole vectors.
 const ROOM: usize = BATCH + LANES;
 
 /// A sample that has an average: its own, or that of another that stands in for it.
@@ -86,11 +84,11 @@ fn warp<T: Bilinear + Average>(
     border: &[T],
     options: &WarpOptions<T>,
 ) -> Result<()> {
-    let plan = lut.area_plan()?;
+    let plan = lut.derived(|table| Plan::new(Isa::active()?, table))?;
     let (rows, columns, channels) = (lut.rows(), lut.columns(), images[0].channels());
     let isa = options.isa()?;
     let threads = options.threads_for(rows * columns * WORK, channels)?;
-    let mut room = Room::new(plan, channels * size_of::<T>())?;
+    let mut room = ScratchLease::new(plan, channels * size_of::<T>())?;
     for (index, (image, out)) in images.iter().zip(outs).enumerate() {
         // of one value for each channel, all; of one for each plane, its own
         let own = if border.len() == channels { 0 } else { index % border.len() };
@@ -125,7 +123,7 @@ struct Job<'a, T> {
     source: &'a Source<'a, T>,
 }
 
-/// What a thread needs for a batch.
+/// Buffers of a thread for a batch of cells.
 struct Scratch<T: Average> {
     taps: [Tap; ROOM],
     probe: Vec<T>,
@@ -141,17 +139,17 @@ impl<T: Bilinear + Average> Job<'_, T> {
             probe: buffer::filled("area", ROOM * channels, T::default())?,
             sums: buffer::filled("area", ROOM * channels, T::Sum::default())?,
         };
-        let (mut footprints, mut pieces) = (Footprints::new(self.isa, self.lut.table())?, Vec::new());
+        let (mut footprints, mut pattern_spans) = (Footprints::new(self.isa, self.lut.table())?, Vec::new());
         for (row, cells) in (first..).zip(rows) {
             let plan = self.plan.row(row);
             for span in self.lut.table().row(row) {
                 let own = span.first..span.first + span.cells;
                 let cells = &mut cells[own.start * channels..own.end * channels];
-                pieces.clear();
+                pattern_spans.clear();
                 if span.kind.is_valid() {
-                    plan.pieces(own, &mut pieces)?;
+                    plan.spans(own, &mut pattern_spans)?;
                 }
-                self.span(span, &plan, &pieces, &mut footprints, cells, &mut scratch)?;
+                self.span(span, &plan, &pattern_spans, &mut footprints, cells, &mut scratch)?;
             }
         }
         Ok(())
@@ -162,7 +160,7 @@ impl<T: Bilinear + Average> Job<'_, T> {
         &self,
         span: Span<'_>,
         plan: &RowPlan<'_>,
-        pieces: &[Piece],
+        pattern_spans: &[PatternSpan],
         footprints: &mut Footprints,
         cells: &mut [T],
         scratch: &mut Scratch<T>,
@@ -178,49 +176,49 @@ impl<T: Bilinear + Average> Job<'_, T> {
         };
         let (mut taps, mut rest, mut next) = (span.taps, cells, span.first);
         // one more of no cells at the end
-        let none = Piece { first: span.first + span.cells, cells: 0, ..Piece::NONE };
-        for piece in pieces.iter().chain([&none]) {
+        let none = PatternSpan { first: span.first + span.cells, cells: 0, ..PatternSpan::NONE };
+        for pattern_span in pattern_spans.iter().chain([&none]) {
             let (before, own, cells_before, own_cells);
-            (before, taps) = taps.split_at(piece.first - next);
-            (own, taps) = taps.split_at(piece.cells);
+            (before, taps) = taps.split_at(pattern_span.first - next);
+            (own, taps) = taps.split_at(pattern_span.cells);
             (cells_before, rest) = rest.split_at_mut(before.len() * channels);
             (own_cells, rest) = rest.split_at_mut(own.len() * channels);
-            next = piece.first + piece.cells;
+            next = pattern_span.first + pattern_span.cells;
             if !before.is_empty() {
                 kernel(self.source, before, cells_before);
             }
             if !own.is_empty() {
-                let span = Span { first: piece.first, cells: piece.cells, taps: own, ..span };
-                self.piece(piece, plan, span, footprints, own_cells, scratch)?;
+                let span = Span { first: pattern_span.first, cells: pattern_span.cells, taps: own, ..span };
+                self.averaged(pattern_span, plan, span, footprints, own_cells, scratch)?;
             }
         }
         Ok(())
     }
 
-    /// Averages the footprints of a piece, whose cells are those of `span`.
-    fn piece(
+    /// Averages the footprints of a span, whose cells are those of `span`.
+    fn averaged(
         &self,
-        piece: &Piece,
+        pattern_span: &PatternSpan,
         plan: &RowPlan<'_>,
         span: Span<'_>,
         footprints: &mut Footprints,
         cells: &mut [T],
         scratch: &mut Scratch<T>,
     ) -> Result<()> {
-        let (level, first) = self.levels.get(piece.shape.kx, piece.shape.ky);
-        let lattice = Lattice::new(piece, first, level.width());
+        let (level, first) = self.levels.get(pattern_span.pattern.kx, pattern_span.pattern.ky);
+        let lattice = Lattice::new(pattern_span, first, level.width());
         let (width, _) = self.lut.source_size();
         let source = Source::new(level, self.source.border());
         let fused = self.fused.filter(|_| span.kind == SpanKind::Inside);
-        if let (Some(fused), false) = (fused, piece.clipped) {
-            fused(&source, &lattice.probes(plan, piece, span.taps, width), cells);
+        if let (Some(fused), false) = (fused, pattern_span.clipped) {
+            fused(&source, &lattice.probes(plan, pattern_span, span.taps, width), cells);
             return Ok(());
         }
-        footprints.work_out(plan, piece, span, width);
+        footprints.work_out(plan, pattern_span, span, width);
         // of the cells of blocks of which a probe leaves the image, mostly few do
         let channels = self.source.channels();
         let (mut taps, mut rest) = (span.taps, cells);
-        for (part, is_clipped) in self.parts(piece, footprints)? {
+        for (part, is_clipped) in self.parts(pattern_span, footprints)? {
             let (own, cells);
             (own, taps) = taps.split_at(part.cells);
             (cells, rest) = rest.split_at_mut(part.cells * channels);
@@ -240,7 +238,7 @@ impl<T: Bilinear + Average> Job<'_, T> {
     /// Averages footprints that were worked out and of which no probe leaves the level.
     fn whole(
         &self,
-        piece: &Piece,
+        pattern_span: &PatternSpan,
         lattice: Lattice,
         level: &Source<'_, T>,
         footprints: &Footprints,
@@ -248,8 +246,8 @@ impl<T: Bilinear + Average> Job<'_, T> {
         scratch: &mut Scratch<T>,
     ) {
         let channels = self.source.channels();
-        let kernel = if piece.shape.halvings() == 0 { self.bilinear.inside } else { self.on_levels.inside };
-        let (mut first, mut rest) = (piece.first, cells);
+        let kernel = if pattern_span.pattern.halvings() == 0 { self.bilinear.inside } else { self.on_levels.inside };
+        let (mut first, mut rest) = (pattern_span.first, cells);
         while !rest.is_empty() {
             // no rest of a few cells, for which kernels have no vectors
             let left = rest.len() / channels;
@@ -258,7 +256,7 @@ impl<T: Bilinear + Average> Job<'_, T> {
             (values, rest) = rest.split_at_mut(count * channels);
             let samples = count.max(LANES) * channels;
             let (probe, sums) = (&mut scratch.probe[..samples], &mut scratch.sums[..values.len()]);
-            for (index, at) in lattice_of(piece.shape).enumerate() {
+            for (index, at) in lattice_of(pattern_span.pattern).enumerate() {
                 lattice.taps(self.isa, at, footprints, first, &mut scratch.taps[..count.next_multiple_of(LANES)]);
                 if count < LANES {
                     // kernels have no vectors for a few cells: the last is probed more than once
@@ -280,26 +278,40 @@ impl<T: Bilinear + Average> Job<'_, T> {
                     T::add(self.isa, values, probe, sums);
                 }
             }
-            self.finish(piece.shape, piece.shape.probes(), sums, values);
+            self.finish(pattern_span.pattern, pattern_span.pattern.probes(), sums, values);
             first += count;
         }
     }
 
-    /// The parts of a piece whose cells all have a probe that leaves the level, or none.
-    fn parts(&self, piece: &Piece, footprints: &Footprints) -> Result<impl Iterator<Item = (Piece, bool)> + use<T>> {
-        let mut flags = buffer::zeroed("area", piece.cells)?;
-        if piece.clipped {
-            let own = piece.first..piece.first + piece.cells;
+    /// The parts of a span whose cells all have a probe that leaves the level, or none.
+    fn parts(
+        &self,
+        pattern_span: &PatternSpan,
+        footprints: &Footprints,
+    ) -> Result<impl Iterator<Item = (PatternSpan, bool)> + use<T>> {
+        let mut flags = buffer::zeroed("area", pattern_span.cells)?;
+        if pattern_span.clipped {
+            let own = pattern_span.first..pattern_span.first + pattern_span.cells;
             let centre = footprints.centre.each_ref().map(|axis| &axis[own.clone()]);
             let sides = footprints.sides.each_ref().map(|side| &side[own.clone()]);
-            leaves(self.isa, (piece.shape, piece.shift), self.lut.source_size(), centre, sides, &mut flags);
+            leaves(
+                self.isa,
+                (pattern_span.pattern, pattern_span.shift),
+                self.lut.source_size(),
+                centre,
+                sides,
+                &mut flags,
+            );
         }
-        let (piece, mut next) = (*piece, 0);
+        let (pattern_span, mut next) = (*pattern_span, 0);
         Ok(std::iter::from_fn(move || {
             let first = next;
             let &flag = flags.get(first)?;
             next += flags[first..].iter().take_while(|&&other| other == flag).count();
-            Some((Piece { first: piece.first + first, cells: next - first, clipped: false, ..piece }, flag != 0))
+            Some((
+                PatternSpan { first: pattern_span.first + first, cells: next - first, clipped: false, ..pattern_span },
+                flag != 0,
+            ))
         }))
     }
 
@@ -334,24 +346,24 @@ impl<T: Bilinear + Average> Job<'_, T> {
             }
             count += 1;
         };
-        let positions = || lattice_of(lattice.shape).map(|at| lattice.position(at, footprints, cell));
+        let positions = || lattice_of(lattice.pattern).map(|at| lattice.position(at, footprints, cell));
         let is_inside = |at: &[i32; 2]| Lattice::is_inside(*at, size);
         positions().filter(is_inside).for_each(&mut probe);
         if !positions().any(|at| is_inside(&at)) {
             // every probe is outside, though the middle is not
             probe([0, 1].map(|axis| footprints.centre[axis][cell]));
         }
-        self.finish(lattice.shape, count, sums, values);
+        self.finish(lattice.pattern, count, sums, values);
     }
 
-    fn finish(&self, shape: Shape, count: u32, sums: &[T::Sum], values: &mut [T]) {
+    fn finish(&self, pattern: SamplePattern, count: u32, sums: &[T::Sum], values: &mut [T]) {
         if count > 1 {
-            T::finish(self.isa, count, is_lean(shape), sums, values);
+            T::finish(self.isa, count, has_round_bias(pattern), sums, values);
         }
     }
 }
 
-/// The probes of a shape.
-fn lattice_of(shape: Shape) -> impl Iterator<Item = (u8, u8)> {
-    (0..shape.along).flat_map(move |along| (0..shape.down).map(move |down| (along, down)))
+/// The probes of a pattern.
+fn lattice_of(pattern: SamplePattern) -> impl Iterator<Item = (u8, u8)> {
+    (0..pattern.along).flat_map(move |along| (0..pattern.down).map(move |down| (along, down)))
 }

@@ -1,16 +1,18 @@
 //! The probes of footprints as taps of the bilinear kernels.
 
 use super::footprints::Footprints;
+use super::plan::{PatternSpan, RipLevel, RowPlan};
 use crate::cpu::Isa;
 use crate::cpu::for_each_isa;
+use crate::kernels::FRACTION_BITS;
 use crate::kernels::Probes;
-use crate::lut::area::{Level, Piece, Q, RowPlan, Shape};
 use crate::table::Tap;
+use crate::table::pattern::SamplePattern;
 
-/// How the taps of a piece's probes follow from its footprints.
+/// How the taps of a span's probes follow from its footprints.
 #[derive(Clone, Copy)]
 pub(super) struct Lattice {
-    pub(super) shape: Shape,
+    pub(super) pattern: SamplePattern,
     /// Footprints are in 1/1024 pixel after shifting left by so much.
     shift: u8,
     /// From the middle of a box to its top-left pixel, 1/1024 pixel.
@@ -24,13 +26,13 @@ pub(super) struct Lattice {
 
 impl Lattice {
     /// `first` are the first column and row of the level, `width` are its columns.
-    pub(super) fn new(piece: &Piece, first: [u32; 2], width: usize) -> Self {
-        let (box_width, box_height) = piece.shape.box_size();
+    pub(super) fn new(pattern_span: &PatternSpan, first: [u32; 2], width: usize) -> Self {
+        let (box_width, box_height) = pattern_span.pattern.box_size();
         Self {
-            shape: piece.shape,
-            shift: piece.shift,
-            corner: [box_width, box_height].map(|size| (size as i32 - 1) << (Q - 1)),
-            steps: [piece.shape.kx, piece.shape.ky].map(|k| Level::log_step(k.into())),
+            pattern: pattern_span.pattern,
+            shift: pattern_span.shift,
+            corner: [box_width, box_height].map(|size| (size as i32 - 1) << (FRACTION_BITS - 1)),
+            steps: [pattern_span.pattern.kx, pattern_span.pattern.ky].map(|k| RipLevel::log_step(k.into())),
             first: first.map(|first| first as i32),
             width: width as i32,
         }
@@ -46,29 +48,35 @@ impl Lattice {
         taps_of_cells(isa, self, self.offsets(probe), centre, sides, taps);
     }
 
-    /// The probes of a piece of a row, whose cells have these taps on a source of this width: for kernels that find them
+    /// The probes of a span of a row, whose cells have these taps on a source of this width: for kernels that find them
     /// themselves.
-    pub(super) fn probes<'a>(self, plan: &RowPlan<'a>, piece: &Piece, taps: &'a [Tap], width: u32) -> Probes<'a> {
-        let (blocks, first) = plan.blocks(piece);
+    pub(super) fn probes<'a>(
+        self,
+        plan: &RowPlan<'a>,
+        pattern_span: &PatternSpan,
+        taps: &'a [Tap],
+        width: u32,
+    ) -> Probes<'a> {
+        let (blocks, first) = plan.blocks(pattern_span);
         Probes {
             taps,
             source_width: width,
             blocks,
             size: plan.size,
             half_rows: plan.half_rows,
-            skip: piece.first - first,
-            offsets: [Shape::offsets(self.shape.along), Shape::offsets(self.shape.down)],
+            skip: pattern_span.first - first,
+            offsets: [SamplePattern::offsets(self.pattern.along), SamplePattern::offsets(self.pattern.down)],
             shift: 14 - u32::from(self.shift),
-            origin: [0, 1].map(|axis| self.corner[axis] + (self.first[axis] << (Q + self.steps[axis]))),
+            origin: [0, 1].map(|axis| self.corner[axis] + (self.first[axis] << (FRACTION_BITS + self.steps[axis]))),
             steps: self.steps,
-            lean: is_lean(self.shape),
+            round_bias: has_round_bias(self.pattern),
         }
     }
 
     /// How far a probe is along each side of the footprint, in 1/16384.
     fn offsets(self, (along, down): (u8, u8)) -> [i32; 2] {
-        let offset = |index: u8, count: u8| Shape::offsets(count)[usize::from(index)].into();
-        [offset(along, self.shape.along), offset(down, self.shape.down)]
+        let offset = |index: u8, count: u8| SamplePattern::offsets(count)[usize::from(index)].into();
+        [offset(along, self.pattern.along), offset(down, self.pattern.down)]
     }
 
     /// Where a probe of one footprint is on the source, 1/1024 pixel.
@@ -82,30 +90,30 @@ impl Lattice {
 
     /// Whether a position lies on a pixel of the image.
     pub(super) fn is_inside(position: [i32; 2], size: [i32; 2]) -> bool {
-        (0..2).all(|axis| (0..size[axis]).contains(&((position[axis] + (1 << (Q - 1))) >> Q)))
+        (0..2).all(|axis| (0..size[axis]).contains(&((position[axis] + (1 << (FRACTION_BITS - 1))) >> FRACTION_BITS)))
     }
 
     /// The last column and row of the level of a source of this size.
     pub(super) fn last_entry(self, [width, height]: [i32; 2]) -> [i32; 2] {
-        [(width, self.shape.kx), (height, self.shape.ky)]
-            .map(|(side, k)| Level::boxes(side as u32, k.into()) as i32 - 1)
+        [(width, self.pattern.kx), (height, self.pattern.ky)]
+            .map(|(side, k)| RipLevel::boxes(side as u32, k.into()) as i32 - 1)
     }
 
     /// The entry of the level whose box is around a position, moved so far that box and neighbours exist: whole column
     /// and row, and fractions in Q15. `last` is the level's last column and row.
     pub(super) fn entry(self, position: [i32; 2], last: [i32; 2]) -> ([usize; 2], [u32; 2]) {
         let entry = |axis: usize| {
-            let at = ((position[axis] - self.corner[axis]) >> self.steps[axis]).clamp(0, last[axis] << Q);
-            ((at >> Q) as usize, ((at & ((1 << Q) - 1)) << (15 - Q)) as u32)
+            let at = ((position[axis] - self.corner[axis]) >> self.steps[axis]).clamp(0, last[axis] << FRACTION_BITS);
+            ((at >> FRACTION_BITS) as usize, ((at & ((1 << FRACTION_BITS) - 1)) << (15 - FRACTION_BITS)) as u32)
         };
         let ((x, fx), (y, fy)) = (entry(0), entry(1));
         ([x, y], [fx, fy])
     }
 }
 
-/// Whether averages of this shape's levels were rounded up once more than down.
-pub(super) fn is_lean(shape: Shape) -> bool {
-    shape.halvings() % 2 == 1
+/// Whether averages of this pattern's levels were rounded up once more than down.
+pub(super) fn has_round_bias(pattern: SamplePattern) -> bool {
+    pattern.halvings() % 2 == 1
 }
 
 #[inline(always)]
@@ -135,11 +143,11 @@ fn body(lattice: Lattice, offsets: [i32; 2], centre: [&[i32]; 2], sides: [&[i16]
             // wrapping, for the cells without an image that fill a vector
             centre.wrapping_sub(lattice.corner[axis]).wrapping_add(probe_offset(lattice, offsets, [a.into(), b.into()]))
         };
-        let column = (at(0, x[i], ax[i], bx[i]) >> lattice.steps[0]).wrapping_sub(lattice.first[0] << Q);
-        let row = (at(1, y[i], ay[i], by[i]) >> lattice.steps[1]).wrapping_sub(lattice.first[1] << Q);
+        let column = (at(0, x[i], ax[i], bx[i]) >> lattice.steps[0]).wrapping_sub(lattice.first[0] << FRACTION_BITS);
+        let row = (at(1, y[i], ay[i], by[i]) >> lattice.steps[1]).wrapping_sub(lattice.first[1] << FRACTION_BITS);
         // rows times columns fit 32 bits, if not always with a sign
-        let offset = (row >> Q).wrapping_mul(lattice.width).wrapping_add(column >> Q) as u32;
-        let fraction = |at: i32| (at as u32 & ((1 << Q) - 1)) << (15 - Q);
+        let offset = (row >> FRACTION_BITS).wrapping_mul(lattice.width).wrapping_add(column >> FRACTION_BITS) as u32;
+        let fraction = |at: i32| (at as u32 & ((1 << FRACTION_BITS) - 1)) << (15 - FRACTION_BITS);
         let fractions = if cfg!(target_endian = "little") {
             fraction(column) | fraction(row) << 16
         } else {

@@ -2,9 +2,10 @@
 //! converted back. So halves are averaged in float32 and rounded once, and signed integers are averaged as the unsigned
 //! ones that are larger by half the range.
 
-use super::{Average, warp};
+use super::warp;
 use crate::cpu::{self, Body, Isa};
 use crate::error::Result;
+use crate::kernels::Average;
 use crate::lut::Lut;
 use crate::parallel::{self, check_interrupt};
 use crate::view::F16;

@@ -1,6 +1,6 @@
 //! Averages, sample by sample: of two rows, of four, and of the probes of a footprint.
 
-use super::pairs::Pairs;
+use super::halve::Pairs;
 use crate::cpu::Isa;
 use crate::cpu::for_each_isa;
 
@@ -29,9 +29,9 @@ pub(crate) trait Average: Sized {
     /// [`Average::accumulate`] for neighbouring cells.
     fn add(isa: Isa, first: &[Self], probe: &[Self], sums: &mut [Self::Sum]);
 
-    /// The averages of `count` probes, in place of the first ones. `lean` undoes what rounding halfway numbers up in one
+    /// The averages of `count` probes, in place of the first ones. `round_bias` undoes what rounding halfway numbers up in one
     /// more step than down has added: a quarter.
-    fn finish(isa: Isa, count: u32, lean: bool, sums: &[Self::Sum], cells: &mut [Self]);
+    fn finish(isa: Isa, count: u32, round_bias: bool, sums: &[Self::Sum], cells: &mut [Self]);
 }
 
 macro_rules! average {
@@ -124,17 +124,17 @@ macro_rules! average {
                 for_each_isa!(isa, (body, body, body)(first: &[$type], probe: &[$type], sums: &mut [$sum]));
             }
 
-            fn finish(isa: Isa, count: u32, lean: bool, sums: &[$sum], cells: &mut [$type]) {
+            fn finish(isa: Isa, count: u32, round_bias: bool, sums: &[$sum], cells: &mut [$type]) {
                 #[inline(always)]
-                fn body(count: u32, lean: bool, sums: &[$sum], cells: &mut [$type]) {
+                fn body(count: u32, round_bias: bool, sums: &[$sum], cells: &mut [$type]) {
                     let samples = cells.len();
                     let sums = &sums[..samples];
-                    let finish = $finish(count, lean);
+                    let finish = $finish(count, round_bias);
                     for i in 0..samples {
                         cells[i] = finish(sums[i], cells[i]);
                     }
                 }
-                for_each_isa!(isa, (body, body, body)(count: u32, lean: bool, sums: &[$sum], cells: &mut [$type]));
+                for_each_isa!(isa, (body, body, body)(count: u32, round_bias: bool, sums: &[$sum], cells: &mut [$type]));
             }
         }
     };
@@ -159,8 +159,8 @@ average!(
     halfway!(u8, u16).0,
     halfway!(u8, u16).1,
     |sum: u16, _: u8, probe: u8| sum + u16::from(probe),
-    |count: u32, lean: bool| {
-        let (half, inverse) = (count / if lean { 4 } else { 2 }, (1u32 << 24).div_ceil(count));
+    |count: u32, round_bias: bool| {
+        let (half, inverse) = (count / if round_bias { 4 } else { 2 }, (1u32 << 24).div_ceil(count));
         move |sum: u16, first: u8| (((u32::from(sum) + u32::from(first) + half) * inverse) >> 24) as u8
     }
 );
@@ -172,8 +172,8 @@ average!(
     halfway!(u16, u32).0,
     halfway!(u16, u32).1,
     |sum: u32, _: u16, probe: u16| sum + u32::from(probe),
-    |count: u32, lean: bool| {
-        let (half, inverse) = (count / if lean { 4 } else { 2 }, (1u64 << 40).div_ceil(count.into()));
+    |count: u32, round_bias: bool| {
+        let (half, inverse) = (count / if round_bias { 4 } else { 2 }, (1u64 << 40).div_ceil(count.into()));
         move |sum: u32, first: u16| ((u64::from(sum + u32::from(first) + half) * inverse) >> 40) as u16
     }
 );

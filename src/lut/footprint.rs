@@ -2,17 +2,28 @@
 
 use std::ops::Range;
 
-use super::Q;
-use super::block::LANES;
 use crate::cpu::Isa;
 use crate::cpu::for_each_isa;
-use crate::error::Result;
+use crate::error::{Error, Result};
+use crate::kernels::FRACTION_BITS;
 use crate::kernels::{Row, unpack};
+use crate::table::block::LANES;
 use crate::table::{Span, SpanKind, Table, unframed};
 use crate::view::buffer;
 
+/// Sources may not be longer or higher: coordinates in 1/1024 pixel fit 31 bits.
+const MAX_SIDE: u32 = 1 << 20;
+
+/// Whether coordinates on a source of this size can be told in 1/1024 pixel.
+pub(crate) fn check_sides((width, height): (u32, u32)) -> Result<()> {
+    if width.max(height) < MAX_SIDE {
+        return Ok(());
+    }
+    Err(Error::AreaSize { width, height, limit: MAX_SIDE - 1 })
+}
+
 /// The coordinate of a cell without an image.
-pub(super) const OUTSIDE: i32 = i32::MIN;
+pub(crate) const OUTSIDE: i32 = i32::MIN;
 
 /// The coordinates of a row in 1/1024 pixel, [`OUTSIDE`] where there is none.
 #[derive(Debug)]
@@ -27,7 +38,7 @@ pub(crate) struct Coordinates {
     seen: Range<usize>,
 }
 
-/// A vector of entries, so that the first cell begins where a cache line does and vectors of [`super::extremes`] lie in one.
+/// A vector of entries, so that the first cell begins where a cache line does and the vectors of area's column bounds lie in one.
 const LEAD: usize = LANES;
 
 impl Coordinates {
@@ -60,7 +71,7 @@ impl Coordinates {
     }
 
     /// All cells of the mask are among these.
-    pub(super) fn seen(&self) -> Range<usize> {
+    pub(crate) fn seen(&self) -> Range<usize> {
         self.seen.clone()
     }
 
@@ -150,7 +161,7 @@ impl Sides {
 /// A whole pixel and a Q15 fraction.
 #[inline(always)]
 fn fixed(whole: i32, fraction: u32) -> i32 {
-    (whole << Q) + (fraction >> (15 - Q)) as i32
+    (whole << FRACTION_BITS) + (fraction >> (15 - FRACTION_BITS)) as i32
 }
 
 fn slopes(isa: Isa, before: &[i32], here: &[i32], after: &[i32], slopes: &mut [i32]) {
@@ -167,7 +178,7 @@ fn slopes(isa: Isa, before: &[i32], here: &[i32], after: &[i32], slopes: &mut [i
 
 /// How a coordinate grows from cell to cell, by those before and after, or by one of them where there is no other.
 #[inline(always)]
-pub(super) fn slope(before: i32, here: i32, after: i32) -> i32 {
+pub(crate) fn slope(before: i32, here: i32, after: i32) -> i32 {
     let (has_before, has_after) = (before != OUTSIDE, after != OUTSIDE);
     let from = if has_before { before } else { here };
     let to = if has_after { after } else { here };

@@ -2,21 +2,19 @@
 
 use std::ops::Range;
 
-use super::block::{LANES, Size};
-use super::extremes::Extremes;
-use super::fit::{Change, Fitted, decide};
-use super::needs::Needs;
-use super::reach::Reaches;
+use super::column_bounds::ColumnBounds;
+use super::coverage::LevelCoverages;
+use super::fit_cubic::{BlockFit, Variation, decide};
 use super::samples::{BATCH, Samples};
-use super::{Band, BlockRow, Coordinates, Plan, Run};
+use super::support::SupportBounds;
+use super::{Band, BlockRow, BlockSpan, Plan};
 use crate::cpu::Isa;
-use crate::error::{Error, Result};
+use crate::error::Result;
+use crate::lut::footprint::{Coordinates, check_sides};
 use crate::parallel;
 use crate::table::Table;
+use crate::table::block::{LANES, Size};
 use crate::view::buffer;
-
-/// Sources may not be longer or higher: coordinates in 1/1024 pixel fit 31 bits.
-const MAX_SIDE: u32 = 1 << 20;
 
 /// Plans of fewer cells are made on the caller's thread.
 const INLINE_CELLS: usize = 1 << 14;
@@ -26,14 +24,6 @@ const WHAT: &str = "area";
 
 /// A thread makes the plan of about so many cells at once.
 const BAND_CELLS: usize = 1 << 15;
-
-/// Whether coordinates on a source of this size can be told in 1/1024 pixel.
-pub(crate) fn check_sides((width, height): (u32, u32)) -> Result<()> {
-    if width.max(height) < MAX_SIDE {
-        return Ok(());
-    }
-    Err(Error::AreaSize { width, height, limit: MAX_SIDE - 1 })
-}
 
 impl Plan {
     /// The plan of a table.
@@ -51,12 +41,12 @@ impl Plan {
             *job = Some(Builder::new(isa, table)?.run(first..(first + band_rows).min(rows))?);
             Ok(())
         })?;
-        let (mut bands, mut needs) = (buffer::reserved(WHAT, jobs.len())?, buffer::reserved(WHAT, jobs.len())?);
+        let (mut bands, mut coverage) = (buffer::reserved(WHAT, jobs.len())?, buffer::reserved(WHAT, jobs.len())?);
         for (band, need) in jobs.into_iter().flatten() {
             bands.push(band);
-            needs.push(need);
+            coverage.push(need);
         }
-        Ok(Self { levels: Needs::merged(needs)?.levels()?, bands, band_rows, ..Self::default() })
+        Ok(Self { levels: LevelCoverages::merged(coverage)?.levels()?, bands, band_rows, ..Self::default() })
     }
 }
 
@@ -65,17 +55,17 @@ struct Builder<'a> {
     isa: Isa,
     table: &'a Table,
     band: Band,
-    needs: Needs,
+    coverage: LevelCoverages,
     /// The coordinates of the rows that are decided on, and of those before and after them.
     near: [Coordinates; Size::MOST_ROWS + 2],
-    extremes: Extremes,
+    columns_bounds: ColumnBounds,
     samples: Samples,
-    fitted: Fitted,
+    fits: BlockFit,
     /// By how much the sides of the last row of blocks change.
-    change: Change,
+    change: Variation,
     /// What the blocks of a row reach, from the `first_seen`-th on, by batches.
     first_seen: usize,
-    reaches: Vec<Reaches>,
+    supports: Vec<SupportBounds>,
 }
 
 impl<'a> Builder<'a> {
@@ -89,19 +79,19 @@ impl<'a> Builder<'a> {
             isa,
             table,
             band: Band::default(),
-            needs: Needs::default(),
+            coverage: LevelCoverages::default(),
             near: near.map(|row| row.expect("each was made")),
-            extremes: Extremes::new(table.columns())?,
+            columns_bounds: ColumnBounds::new(table.columns())?,
             samples: Samples::default(),
-            fitted: Fitted::default(),
-            change: Change::default(),
+            fits: BlockFit::default(),
+            change: Variation::default(),
             first_seen: 0,
-            reaches: buffer::filled(WHAT, batches, Reaches::default())?,
+            supports: buffer::filled(WHAT, batches, SupportBounds::default())?,
         })
     }
 
     /// Makes the plan of rows of cells.
-    fn run(mut self, rows: Range<usize>) -> Result<(Band, Needs)> {
+    fn run(mut self, rows: Range<usize>) -> Result<(Band, LevelCoverages)> {
         // no page is touched that is not needed
         let most = rows.len().div_ceil(Size::FEWEST_ROWS) * self.table.columns().div_ceil(LANES);
         buffer::room_for(WHAT, &mut self.band.blocks, most)?;
@@ -116,9 +106,9 @@ impl<'a> Builder<'a> {
             }
             self.add_rows((rows.end - first).min(Size::MOST_ROWS))?;
         }
-        self.needs.flush(self.table.source().1)?;
+        self.coverage.commit(self.table.source().1)?;
         self.band.blocks.shrink_to_fit();
-        Ok((self.band, self.needs))
+        Ok((self.band, self.coverage))
     }
 
     /// Appends the blocks of so many rows of cells; they are as large as the sides of their footprints allow.
@@ -147,23 +137,23 @@ impl<'a> Builder<'a> {
     /// Appends the blocks of a row of them, whose first row of cells is the `first`-th. Tells the number of the first that is
     /// there, and whether they need not be smaller.
     fn add_blocks(&mut self, size: Size, first: usize) -> Result<(usize, bool)> {
-        let Self { isa, ref near, ref mut extremes, ref mut samples, ref mut fitted, .. } = *self;
+        let Self { isa, ref near, ref mut columns_bounds, ref mut samples, ref mut fits, .. } = *self;
         let (source, near) = (self.table.source(), &near[first..][..size.rows() + 2]);
         let rows = &near[1..=size.rows()];
         let cells = seen(rows);
         let seen = cells.start / size.columns()..cells.end.div_ceil(size.columns());
-        extremes.read(isa, rows, seen.start * size.columns()..seen.end * size.columns());
+        columns_bounds.read(isa, rows, seen.start * size.columns()..seen.end * size.columns());
         let (begin, mut first_block, mut is_plain) = (self.band.blocks.len(), seen.end, true);
-        self.change = Change::default();
-        for (first, reaches) in seen.clone().step_by(BATCH).zip(&mut self.reaches) {
+        self.change = Variation::default();
+        for (first, supports) in seen.clone().step_by(BATCH).zip(&mut self.supports) {
             let count = BATCH.min(seen.end - first);
             is_plain &= samples.read(isa, near, size, first..first + count);
-            decide(isa, source, size, samples, fitted);
-            self.change = self.change.or(fitted.change(count));
-            reaches.read(isa, source, (size, first), fitted, count, extremes);
-            is_plain &= !reaches.are_torn(count);
+            decide(isa, source, size, samples, fits);
+            self.change = self.change.or(fits.change(count));
+            supports.read(isa, source, (size, first), fits, count, columns_bounds);
+            is_plain &= !supports.are_discontinuous(count);
             for index in 0..count {
-                let block = fitted.block(index, reaches.is_clipped(index));
+                let block = fits.block(index, supports.is_clipped(index));
                 if self.band.blocks.len() == begin {
                     if block.is_bilinear() {
                         continue;
@@ -186,8 +176,8 @@ impl<'a> Builder<'a> {
         let begin_runs = runs.len();
         for (index, block) in (first_block..).zip(&blocks[begin..]).filter(|(_, block)| !block.is_bilinear()) {
             let of_row = index - self.first_seen;
-            self.needs.add(block.shape, height, self.reaches[of_row / BATCH].entries(of_row % BATCH))?;
-            let run = Run::of(index, block);
+            self.coverage.add(block.pattern, height, self.supports[of_row / BATCH].entries(of_row % BATCH))?;
+            let run = BlockSpan::of(index, block);
             match runs[begin_runs..].last_mut() {
                 Some(last) if last.goes_on(&run) => last.extend(&run),
                 _ => buffer::push(WHAT, runs, run)?,
@@ -212,8 +202,9 @@ fn seen(rows: &[Coordinates]) -> Range<usize> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Q, Sides};
     use super::*;
+    use crate::kernels::FRACTION_BITS;
+    use crate::lut::footprint::Sides;
     use crate::{BevGrid, Camera, Ground, KannalaBrandt, Lens, Lut, Pinhole, SampleAt};
 
     /// A camera 1.2 m above the road that looks so far down and to the left, and what it sees of a part of the road.
@@ -273,7 +264,7 @@ mod tests {
                     sizes.push(size);
                     drawn_in = vec![None; table.columns()];
                 }
-                // what is told of blocks that are seen in part is a guess
+                // what is known of blocks that are seen in part is a guess
                 let rows = (row - of_block).saturating_sub(1)..(row - of_block + size.rows() + 1).min(table.rows());
                 for (index, block) in
                     (of_row.first_block..).zip(of_row.blocks).filter(|(_, block)| !block.is_bilinear())
@@ -283,7 +274,9 @@ mod tests {
                     if !rows.clone().all(|row| mask[row * table.columns()..][own.clone()].iter().all(|&seen| seen)) {
                         continue;
                     }
-                    for (cell, x_along) in own.zip(x_along).filter(|&(cell, _)| sides.of(cell)[0].abs() > 3 << Q) {
+                    for (cell, x_along) in
+                        own.zip(x_along).filter(|&(cell, _)| sides.of(cell)[0].abs() > 3 << FRACTION_BITS)
+                    {
                         let scale = f64::from(i32::from(x_along) << block.shift) / f64::from(sides.of(cell)[0]);
                         let expected = *drawn_in[cell].get_or_insert(scale);
                         let off = scale / expected - 1.0;

@@ -1,33 +1,34 @@
 //! From what is known of blocks to how they are averaged.
 
-use super::Q;
-use super::block::{Block, Size, polynomials};
+use super::choose::{choose, larger, largest_logs, smaller, steepness};
 use super::samples::{BATCH, Fours, NODES, Samples};
-use super::shape::{Shape, choose, larger, largest_logs, smaller, steepness};
-use super::stretch::Stretches;
+use super::variance_match::VarianceMatch;
 use crate::cpu::Isa;
 use crate::cpu::for_each_isa;
+use crate::kernels::FRACTION_BITS;
+use crate::table::block::{Block, Size, polynomials};
+use crate::table::pattern::SamplePattern;
 
 /// Decides on up to [`BATCH`] blocks of this size that look at a source of this one.
-pub(super) fn decide(isa: Isa, source: (u32, u32), size: Size, samples: &Samples, fitted: &mut Fitted) {
+pub(super) fn decide(isa: Isa, source: (u32, u32), size: Size, samples: &Samples, fits: &mut BlockFit) {
     let mut typical = [[0.0; BATCH]; 4];
     let outer_row = f32::from(size.half_rows(size.rows() - 1));
-    look_at_middles(isa, samples, [size.columns() as f32, size.rows() as f32], &mut typical, fitted);
-    choose(isa, largest_logs(source), &typical, &mut fitted.shapes);
-    let stretches = Stretches::new(isa, &typical, &fitted.shapes);
-    fit(isa, samples, &stretches, outer_row, fitted);
+    look_at_middles(isa, samples, [size.columns() as f32, size.rows() as f32], &mut typical, fits);
+    choose(isa, largest_logs(source), &typical, &mut fits.patterns);
+    let matches = VarianceMatch::new(isa, &typical, &fits.patterns);
+    fit_cubic(isa, samples, &matches, outer_row, fits);
 }
 
 /// By how much sides of blocks change at most, as a part of the longest one.
 #[derive(Debug, Default, Clone, Copy)]
-pub(super) struct Change {
+pub(super) struct Variation {
     /// From the middle of a block to its outermost node, where the road is seen steeply.
     of_nodes: f32,
     /// In half a row.
     of_row: f32,
 }
 
-impl Change {
+impl Variation {
     pub(super) fn or(self, other: Self) -> Self {
         Self { of_nodes: larger(self.of_nodes, other.of_nodes), of_row: larger(self.of_row, other.of_row) }
     }
@@ -66,17 +67,17 @@ const HALF_WAY: f32 = 0.5;
 /// Works out the sides in the middle of each block, in pixels, the mean of those at the nodes beside it, longer by
 /// [`HALF_WAY`]; how much they change from there; how long and wide so many columns and rows of such sides are; and the
 /// offsets of footprints.
-fn look_at_middles(isa: Isa, samples: &Samples, cells: [f32; 2], typical: &mut [[f32; BATCH]; 4], fitted: &mut Fitted) {
+fn look_at_middles(isa: Isa, samples: &Samples, cells: [f32; 2], typical: &mut [[f32; BATCH]; 4], fits: &mut BlockFit) {
     #[inline(always)]
     #[allow(clippy::needless_range_loop)] // of zipped iterators the compiler makes no vectors
-    fn body(samples: &Samples, [columns, rows]: [f32; 2], typical: &mut [[f32; BATCH]; 4], fitted: &mut Fitted) {
-        const PIXEL: f32 = 1.0 / (1 << Q) as f32;
+    fn body(samples: &Samples, [columns, rows]: [f32; 2], typical: &mut [[f32; BATCH]; 4], fits: &mut BlockFit) {
+        const PIXEL: f32 = 1.0 / (1 << FRACTION_BITS) as f32;
         for i in 0..BATCH {
             let (mut of_nodes, mut of_rows, mut length) = (0.0, 0.0, 1024.0);
             for side in 0..4 {
                 let [a, b, c, d] = samples.sides[side][i];
                 typical[side][i] = (b + c) * (0.5 * PIXEL);
-                let middle = typical[side][i] * f32::from(1u16 << Q);
+                let middle = typical[side][i] * f32::from(1u16 << FRACTION_BITS);
                 of_nodes = larger(of_nodes, larger((a - middle).abs(), (d - middle).abs()));
                 let [_, b, c, _] = samples.changes[side][i];
                 of_rows = larger(of_rows, (0.5 * (b + c)).abs());
@@ -84,17 +85,17 @@ fn look_at_middles(isa: Isa, samples: &Samples, cells: [f32; 2], typical: &mut [
             }
             let [ax, ay, bx, by] = [typical[0][i], typical[1][i], typical[2][i], typical[3][i]];
             let steep = steepness((ax * by - ay * bx).abs(), ax * ax + ay * ay + bx * bx + by * by);
-            fitted.change[i] = if steep > 0.0 { of_nodes / length } else { 0.0 };
-            fitted.change_of_row[i] = of_rows / length;
-            let longer = 1.0 + HALF_WAY * (rows - Size::FEWEST_ROWS as f32) * fitted.change_of_row[i];
+            fits.change[i] = if steep > 0.0 { of_nodes / length } else { 0.0 };
+            fits.change_of_row[i] = of_rows / length;
+            let longer = 1.0 + HALF_WAY * (rows - Size::FEWEST_ROWS as f32) * fits.change_of_row[i];
             for side in 0..4 {
                 typical[side][i] *= longer;
             }
             for axis in 0..2 {
                 let (along, down) = (typical[axis][i].abs(), typical[2 + axis][i].abs());
-                fitted.extent[axis][i] = columns * along + rows * down;
+                fits.extent[axis][i] = columns * along + rows * down;
                 let [_, b, c, _] = samples.bends[axis][i];
-                fitted.offset[axis][i] = whole(0.5 * (b + c), i16::MAX.into());
+                fits.offset[axis][i] = whole(0.5 * (b + c), i16::MAX.into());
             }
         }
     }
@@ -102,15 +103,15 @@ fn look_at_middles(isa: Isa, samples: &Samples, cells: [f32; 2], typical: &mut [
         samples: &Samples,
         cells: [f32; 2],
         typical: &mut [[f32; BATCH]; 4],
-        fitted: &mut Fitted,
+        fits: &mut BlockFit,
     ));
 }
 
 /// Numbers of blocks, which fit those of [`Block`].
 #[derive(Debug, Default)]
-pub(super) struct Fitted {
+pub(super) struct BlockFit {
     /// As bytes.
-    pub(super) shapes: [u32; BATCH],
+    pub(super) patterns: [u32; BATCH],
     /// Of each side, those of all degrees beside each other.
     coefficients: [Fours<i16>; 4],
     changes: [Fours<i16>; 4],
@@ -125,12 +126,12 @@ pub(super) struct Fitted {
     change_of_row: [f32; BATCH],
 }
 
-impl Fitted {
+impl BlockFit {
     /// By how much sides of the first `blocks` change from node to node and from row to row.
-    pub(super) fn change(&self, blocks: usize) -> Change {
-        let mut most = Change::default();
-        // of those that are bilinear nothing is told by how their sides change
-        for index in (0..blocks).filter(|&index| !Shape::unpacked(self.shapes[index]).is_bilinear()) {
+    pub(super) fn change(&self, blocks: usize) -> Variation {
+        let mut most = Variation::default();
+        // of those that are bilinear nothing is known by how their sides change
+        for index in (0..blocks).filter(|&index| !SamplePattern::unpacked(self.patterns[index]).is_bilinear()) {
             most.of_nodes = larger(most.of_nodes, self.change[index]);
             most.of_row = larger(most.of_row, self.change_of_row[index]);
         }
@@ -140,15 +141,15 @@ impl Fitted {
     /// One of the blocks.
     #[inline]
     pub(super) fn block(&self, index: usize, clipped: bool) -> Block {
-        let shape = Shape::unpacked(self.shapes[index]);
-        if shape.is_bilinear() {
+        let pattern = SamplePattern::unpacked(self.patterns[index]);
+        if pattern.is_bilinear() {
             return Block::BILINEAR;
         }
         Block {
             coefficients: of_sides(&self.coefficients, index),
             changes: of_sides(&self.changes, index),
             offset: [self.offset[0][index] as i16, self.offset[1][index] as i16],
-            shape,
+            pattern,
             shift: self.shift[index] as u8,
             clipped,
         }
@@ -166,14 +167,14 @@ fn of_sides(sides: &[Fours<i16>; 4], index: usize) -> [i16; 16] {
 }
 
 /// `outer_row`: half rows from the middle of blocks to their outer rows.
-fn fit(isa: Isa, samples: &Samples, stretches: &Stretches, outer_row: f32, fitted: &mut Fitted) {
+fn fit_cubic(isa: Isa, samples: &Samples, matches: &VarianceMatch, outer_row: f32, fits: &mut BlockFit) {
     for_each_isa!(isa, (body, body, body)(
-        samples: &Samples, stretches: &Stretches, outer_row: f32, fitted: &mut Fitted
+        samples: &Samples, matches: &VarianceMatch, outer_row: f32, fits: &mut BlockFit
     ));
 }
 
 #[inline(always)]
-fn body(samples: &Samples, stretches: &Stretches, outer_row: f32, fitted: &mut Fitted) {
+fn body(samples: &Samples, matches: &VarianceMatch, outer_row: f32, fits: &mut BlockFit) {
     // Coefficients and changes are rounded to half a unit, and what they are multiplied to to a whole one.
     let rounded = 0.25 * (1.0 + outer_row) * (MOST_BASIS[0] + MOST_BASIS[1] + MOST_BASIS[2] + MOST_BASIS[3]) + 1.0;
     // one loop, and no closures: of loops in loops the compiler gathers and scatters lanes
@@ -183,7 +184,7 @@ fn body(samples: &Samples, stretches: &Stretches, outer_row: f32, fitted: &mut F
             sides[side] = polynomial(samples.sides[side][i]);
             changes[side] = polynomial(samples.changes[side][i]);
         }
-        let (xx, yx, yy) = (stretches.xx[i], stretches.yx[i], stretches.yy[i]);
+        let (xx, yx, yy) = (matches.xx[i], matches.yx[i], matches.yy[i]);
         let (mut most, mut longest) = ([0.0; 4], 0.0);
         for side in [0, 2] {
             for degree in 0..4 {
@@ -201,23 +202,23 @@ fn body(samples: &Samples, stretches: &Stretches, outer_row: f32, fitted: &mut F
             longest = larger(longest, most[side]);
         }
         let shift = shift_of(longest);
-        // of maps that jump about more than that nothing can be told: their footprints are points
-        let is_told = longest < LIMIT * f32::from(1u16 << MOST_SHIFT);
-        let unit = if is_told { f32::from_bits((127 - shift) << 23) } else { 0.0 };
+        // of maps that jump about more than that nothing can be known: their footprints are points
+        let is_known = longest < LIMIT * f32::from(1u16 << MOST_SHIFT);
+        let unit = if is_known { f32::from_bits((127 - shift) << 23) } else { 0.0 };
         for side in 0..4 {
             let [c0, c1, c2, c3] = sides[side].map(|number| whole(number * (2.0 * unit), i16::MAX.into()) as i16);
-            fitted.coefficients[side][i] = [c0, c1, c2, c3];
+            fits.coefficients[side][i] = [c0, c1, c2, c3];
             let [c0, c1, c2, c3] = changes[side].map(|number| whole(number * (2.0 * unit), i16::MAX.into()) as i16);
-            fitted.changes[side][i] = [c0, c1, c2, c3];
+            fits.changes[side][i] = [c0, c1, c2, c3];
         }
-        fitted.shift[i] = shift;
+        fits.shift[i] = shift;
         // of n probes the outermost are half a side, less half the distance between two, from the middle
         let outermost = |count: u32| 0.5 - 0.5 / (count as f32);
-        let (along, down) = (outermost(fitted.shapes[i] >> 16 & 0xff), outermost(fitted.shapes[i] >> 24));
+        let (along, down) = (outermost(fits.patterns[i] >> 16 & 0xff), outermost(fits.patterns[i] >> 24));
         for axis in 0..2 {
             // and the sum of both parts is rounded
             let far = (most[axis] * unit + rounded) * along + (most[2 + axis] * unit + rounded) * down + 1.5;
-            fitted.far[axis][i] = whole(far, 2.0 * LIMIT) << shift;
+            fits.far[axis][i] = whole(far, 2.0 * LIMIT) << shift;
         }
     }
 }

@@ -3,9 +3,9 @@
 //! With AVX-512 a row of most levels is made in one go, from the source's rows to overlapping boxes, in registers. Step by
 //! step, each from memory to memory, levels took twice as long: two fifths of the time of 20 cm cells.
 
-use crate::cpu::Isa;
 #[cfg(target_arch = "x86_64")]
-use crate::kernels::boxes_u8;
+use super::boxes_u8;
+use crate::cpu::Isa;
 
 /// Samples of which an instruction set may average whole vectors.
 pub(super) trait Pairs: Sized {
@@ -155,7 +155,7 @@ mod x86 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::Average;
+    use super::super::average::Average;
     use super::*;
 
     #[test]

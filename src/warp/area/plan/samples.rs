@@ -2,16 +2,16 @@
 
 use std::ops::Range;
 
-use super::block::{LANES, Size};
-use super::rows::{Coordinates, slope};
-use super::shape::{larger, smaller};
+use super::choose::{larger, smaller};
 use crate::cpu::Isa;
 use crate::cpu::for_each_isa;
+use crate::lut::footprint::{Coordinates, slope};
+use crate::table::block::{LANES, Size};
 
 /// So many blocks at once, for vectors.
 pub(super) const BATCH: usize = 16;
 
-/// Distances from the middle of a block for which its sides are told.
+/// Distances from the middle of a block for which its sides are known.
 pub(super) const NODES: [i32; 4] = [-13, -5, 5, 13];
 
 /// The nodes of the widest blocks.
@@ -63,17 +63,17 @@ impl Samples {
         fits
     }
 
-    /// Takes what is known of a block of which at most one row in the middle is told, by any row: footprints are alike.
+    /// Takes what is known of a block of which at most one row in the middle is known, by any row: footprints are alike.
     /// False if a row has all cells, and there is more to see of the block than a corner.
     #[cold]
     fn read_row(&mut self, index: usize, near: &[Coordinates], cells: Range<usize>) -> bool {
         self.bends.iter_mut().for_each(|axis| axis[index] = [0.0; 4]);
         let valid = |row: usize| &near[row].valid()[cells.clone()];
-        let told = (1..near.len() - 1).find_map(|row| {
+        let known = (1..near.len() - 1).find_map(|row| {
             let columns = [valid(row).iter().position(|&is| is != 0)?, valid(row).iter().rposition(|&is| is != 0)?];
             Some((row, 1 + cells.start + columns[0].midpoint(columns[1])))
         });
-        let sides = told.map_or([0.0; 4], |(row, at)| {
+        let sides = known.map_or([0.0; 4], |(row, at)| {
             let [above, here, below] = [row - 1, row, row + 1].map(|row| near[row].axes());
             let along = |axis: usize| slope(here[axis][at - 1], here[axis][at], here[axis][at + 1]) as f32;
             let down = |axis: usize| slope(above[axis][at], here[axis][at], below[axis][at]) as f32;
@@ -105,13 +105,13 @@ impl Seen {
             let row = row.valid()[first..].first_chunk().expect("rows go on to the end of a block");
             u128::from_le_bytes(*row)
         };
-        let told = valid(upper) & valid(lower) & all;
-        if told & valid(before) & valid(after) == all {
+        let known = valid(upper) & valid(lower) & all;
+        if known & valid(before) & valid(after) == all {
             Self::At(size.nodes())
-        } else if told == 0 {
+        } else if known == 0 {
             Self::None
         } else {
-            let (first, last) = (told.trailing_zeros() / 8, told.ilog2() / 8);
+            let (first, last) = (known.trailing_zeros() / 8, known.ilog2() / 8);
             Self::At(columns_between(size, first as usize, last as usize))
         }
     }
@@ -167,7 +167,7 @@ fn read_block(axes: Axes<'_>, first: usize, columns: [usize; 4], index: usize, a
     }
 }
 
-/// Columns of a block between two of it at which to look at sides: four if these are far enough apart, the two if not, and
+/// RowIntervals of a block between two of it at which to look at sides: four if these are far enough apart, the two if not, and
 /// one if they are close.
 fn columns_between(size: Size, first: usize, last: usize) -> [usize; 4] {
     let (distance, columns) = (size.distance(last) - size.distance(first), size.columns());
@@ -208,7 +208,7 @@ fn move_to_nodes(known: [i32; 4], sides: [&mut [Fours<f32>; 4]; 2], index: usize
 /// The two rows in the middle of a row of blocks, and those before and after these.
 type Middle = [Coordinates; 4];
 
-/// Columns and rows of the coordinates of [`Middle`]; entry i + 1 of a row is of cell i.
+/// RowIntervals and rows of the coordinates of [`Middle`]; entry i + 1 of a row is of cell i.
 type Axes<'a> = [[&'a [i32]; 2]; 4];
 
 /// Works out sides, changes and, for each node, bends as [`Samples`] has them.

@@ -9,7 +9,7 @@ pub(crate) type Words = Vec<u64>;
 /// makes a table for each frame, because the camera pitches, would else pay for new memory in each. It was a tenth of the
 /// time that table and plan of 10 cm cells take, a fifth of that of 20 cm cells.
 #[derive(Debug, Default)]
-pub(crate) struct Rooms(Mutex<Vec<Words>>);
+pub(crate) struct ScratchPool(Mutex<Vec<Words>>);
 
 /// A plan and the process keep no more of them than this.
 const KEPT: usize = 2;
@@ -21,7 +21,7 @@ const MOST_LEFT: usize = 1 << 21;
 /// What dropped plans have left.
 static LEFT: Mutex<Vec<Words>> = Mutex::new(Vec::new());
 
-impl Rooms {
+impl ScratchPool {
     /// Memory of so many words or more, if there is some.
     pub(crate) fn take(&self, words: usize) -> Option<Words> {
         take(&self.0, |room| room.len() >= words)
@@ -35,11 +35,11 @@ impl Rooms {
 
     /// Bytes that it holds.
     pub(crate) fn nbytes(&self) -> usize {
-        self.0.try_lock().map_or(0, |rooms| rooms.iter().map(|room| 8 * room.capacity()).sum())
+        self.0.try_lock().map_or(0, |scratch| scratch.iter().map(|room| 8 * room.capacity()).sum())
     }
 }
 
-impl Drop for Rooms {
+impl Drop for ScratchPool {
     fn drop(&mut self) {
         let own = self.0.get_mut().map(std::mem::take).unwrap_or_default();
         own.into_iter().filter(|room| room.len() <= MOST_LEFT).for_each(|room| give(&LEFT, room));
@@ -47,19 +47,19 @@ impl Drop for Rooms {
 }
 
 /// One that will do. A list that is in use elsewhere is not waited for: a child may have been forked meanwhile.
-fn take(rooms: &Mutex<Vec<Words>>, will_do: impl Fn(&Words) -> bool) -> Option<Words> {
-    let mut rooms = rooms.try_lock().ok()?;
-    let found = rooms.iter().rposition(will_do)?;
-    Some(rooms.remove(found))
+fn take(scratch: &Mutex<Vec<Words>>, will_do: impl Fn(&Words) -> bool) -> Option<Words> {
+    let mut scratch = scratch.try_lock().ok()?;
+    let found = scratch.iter().rposition(will_do)?;
+    Some(scratch.remove(found))
 }
 
 /// Keeps one in place of the oldest, if there are enough.
-fn give(rooms: &Mutex<Vec<Words>>, room: Words) {
-    let Ok(mut rooms) = rooms.try_lock() else { return };
-    if rooms.len() >= KEPT {
-        rooms.remove(0);
+fn give(scratch: &Mutex<Vec<Words>>, room: Words) {
+    let Ok(mut scratch) = scratch.try_lock() else { return };
+    if scratch.len() >= KEPT {
+        scratch.remove(0);
     }
-    rooms.push(room);
+    scratch.push(room);
 }
 
 #[cfg(test)]
@@ -68,43 +68,43 @@ mod tests {
 
     #[test]
     fn the_last_ones_are_kept_and_taken_first() {
-        let rooms = Rooms::default();
-        (1..=3).for_each(|words| rooms.give(vec![words; 100 * words as usize]));
-        assert_eq!(rooms.nbytes(), 8 * (200 + 300));
-        assert_eq!(take(&rooms.0, |room| room.len() >= 301), None);
-        assert_eq!(rooms.take(150), Some(vec![3; 300]));
-        assert_eq!(rooms.take(150), Some(vec![2; 200]));
-        assert_eq!(rooms.nbytes(), 0);
+        let scratch = ScratchPool::default();
+        (1..=3).for_each(|words| scratch.give(vec![words; 100 * words as usize]));
+        assert_eq!(scratch.nbytes(), 8 * (200 + 300));
+        assert_eq!(take(&scratch.0, |room| room.len() >= 301), None);
+        assert_eq!(scratch.take(150), Some(vec![3; 300]));
+        assert_eq!(scratch.take(150), Some(vec![2; 200]));
+        assert_eq!(scratch.nbytes(), 0);
     }
 
     #[test]
     fn nobody_waits_for_a_list_in_use() {
-        let rooms = Rooms::default();
-        rooms.give(vec![0; 10]);
-        let held = rooms.0.lock().expect("nobody panicked");
-        assert_eq!(take(&rooms.0, |_| true), None);
-        give(&rooms.0, vec![0; 10]);
-        assert_eq!(rooms.nbytes(), 0);
+        let scratch = ScratchPool::default();
+        scratch.give(vec![0; 10]);
+        let held = scratch.0.lock().expect("nobody panicked");
+        assert_eq!(take(&scratch.0, |_| true), None);
+        give(&scratch.0, vec![0; 10]);
+        assert_eq!(scratch.nbytes(), 0);
         drop(held);
-        assert_eq!(rooms.nbytes(), 80);
+        assert_eq!(scratch.nbytes(), 80);
     }
 
     #[test]
     fn dropped_plans_leave_what_is_not_too_large() {
-        let too_large = Rooms::default();
+        let too_large = ScratchPool::default();
         too_large.give(vec![0; MOST_LEFT + 1]);
         drop(too_large);
         let is_left = |words| LEFT.lock().expect("nobody panicked").iter().any(|room| room.len() == words);
         assert!(!is_left(MOST_LEFT + 1));
         // other tests leave theirs meanwhile
         let left = (0..1000).any(|_| {
-            let rooms = Rooms::default();
-            rooms.give(vec![0; 4321]);
-            drop(rooms);
+            let scratch = ScratchPool::default();
+            scratch.give(vec![0; 4321]);
+            drop(scratch);
             is_left(4321)
         });
         assert!(left);
         // nobody takes one that is a quarter larger than needed
-        assert_eq!(Rooms::default().take(3000).filter(|room| room.len() == 4321), None);
+        assert_eq!(ScratchPool::default().take(3000).filter(|room| room.len() == 4321), None);
     }
 }

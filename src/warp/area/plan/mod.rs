@@ -4,46 +4,38 @@
 //! A footprint is the parallelogram that a cell covers on the source, spanned by the central differences of the table's
 //! coordinates. It is averaged by a lattice of `n1 x n2` probes along its two sides, each a bilinear tap into the source
 //! or into a *level*: the source averaged over `2^kx x 2^ky` boxes that overlap by half. Which lattice and which
-//! level is its [`Shape`], chosen for a [`Block`] of cells at once; see docs/decisions/0013.
+//! level is its [`SamplePattern`], chosen for a [`Block`] of cells at once; see docs/decisions/0013.
 
-pub(crate) mod block;
 mod build;
-mod extremes;
-mod fit;
-mod needs;
-mod reach;
-mod rooms;
-mod rows;
+mod choose;
+mod column_bounds;
+mod coverage;
+mod fit_cubic;
 mod samples;
-mod shape;
-mod stretch;
+mod scratch_pool;
+mod support;
+mod variance_match;
 
 use std::ops::Range;
 
 use crate::error::Result;
+use crate::lut::Derivative;
+use crate::table::block::{Block, Size};
+use crate::table::pattern::SamplePattern;
 use crate::view::buffer;
-
-pub(crate) use block::Block;
-use block::Size;
-pub(crate) use build::check_sides;
-use needs::Columns;
-pub(crate) use reach::leaves;
-use rooms::Rooms;
-pub(crate) use rows::{Coordinates, Sides};
-pub(crate) use shape::Shape;
-
-/// Coordinates and footprints are in 1/1024 pixel.
-pub(crate) use crate::kernels::FRACTION_BITS as Q;
+use coverage::RowIntervals;
+use scratch_pool::ScratchPool;
+pub(crate) use support::leaves;
 
 /// The plan of an area warp.
 #[derive(Debug, Default)]
 pub(crate) struct Plan {
-    /// The levels that shapes refer to, and which part of each is needed.
-    pub(crate) levels: Vec<Level>,
+    /// The levels that patterns refer to, and which part of each is needed.
+    pub(crate) levels: Vec<RipLevel>,
     /// The blocks, in bands of so many rows of cells.
     bands: Vec<Band>,
     band_rows: usize,
-    pub(crate) rooms: Rooms,
+    pub(crate) scratch: ScratchPool,
 }
 
 /// Rows of blocks whose plan was made at once.
@@ -51,7 +43,7 @@ pub(crate) struct Plan {
 struct Band {
     /// The row of blocks of each [`Size::FEWEST_ROWS`] rows of cells; that of higher blocks is there several times.
     rows: Vec<BlockRow>,
-    runs: Vec<Run>,
+    runs: Vec<BlockSpan>,
     blocks: Vec<Block>,
 }
 
@@ -64,25 +56,25 @@ struct BlockRow {
     size: Size,
 }
 
-/// Neighbouring blocks of one shape, whose sides are told in one unit.
+/// Neighbouring blocks of one pattern, whose sides are known in one unit.
 #[derive(Debug, Clone, Copy)]
-struct Run {
+struct BlockSpan {
     /// The number in its row of the first, and how many; none of them is bilinear.
     first: u32,
     blocks: u32,
-    shape: Shape,
+    pattern: SamplePattern,
     shift: u8,
     /// Whether any of the blocks is.
     clipped: bool,
 }
 
-impl Run {
+impl BlockSpan {
     fn of(index: usize, block: &Block) -> Self {
-        Self { first: index as u32, blocks: 1, shape: block.shape, shift: block.shift, clipped: block.clipped }
+        Self { first: index as u32, blocks: 1, pattern: block.pattern, shift: block.shift, clipped: block.clipped }
     }
 
     fn goes_on(&self, next: &Self) -> bool {
-        self.first + self.blocks == next.first && (self.shape, self.shift) == (next.shape, next.shift)
+        self.first + self.blocks == next.first && (self.pattern, self.shift) == (next.pattern, next.shift)
     }
 
     fn extend(&mut self, next: &Self) {
@@ -93,26 +85,27 @@ impl Run {
 
 /// Neighbouring cells of a row that are averaged by one call of a kernel.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Piece {
+pub(crate) struct PatternSpan {
     /// Column of the first, and how many.
     pub(crate) first: usize,
     pub(crate) cells: usize,
-    pub(crate) shape: Shape,
+    pub(crate) pattern: SamplePattern,
     /// As [`Block::shift`].
     pub(crate) shift: u8,
     /// Whether probes may leave the image.
     pub(crate) clipped: bool,
 }
 
-impl Piece {
+impl PatternSpan {
     /// No cells.
-    pub(crate) const NONE: Self = Self { first: 0, cells: 0, shape: Shape::BILINEAR, shift: 0, clipped: false };
+    pub(crate) const NONE: Self =
+        Self { first: 0, cells: 0, pattern: SamplePattern::BILINEAR, shift: 0, clipped: false };
 }
 
 /// How the cells of a row are averaged that see more than a pixel.
 #[derive(Clone, Copy)]
 pub(crate) struct RowPlan<'a> {
-    runs: &'a [Run],
+    runs: &'a [BlockSpan],
     /// Blocks from the `first_block`-th on: those that runs are of, and what lies between.
     blocks: &'a [Block],
     first_block: usize,
@@ -122,26 +115,26 @@ pub(crate) struct RowPlan<'a> {
 }
 
 impl<'a> RowPlan<'a> {
-    /// The blocks that the cells of a piece are in, and the column of the first one's first cell.
-    pub(crate) fn blocks(&self, piece: &Piece) -> (&'a [Block], usize) {
+    /// The blocks that the cells of a span are in, and the column of the first one's first cell.
+    pub(crate) fn blocks(&self, span: &PatternSpan) -> (&'a [Block], usize) {
         let columns = self.size.columns();
-        let (first, end) = (piece.first / columns, (piece.first + piece.cells).div_ceil(columns));
+        let (first, end) = (span.first / columns, (span.first + span.cells).div_ceil(columns));
         (&self.blocks[first - self.first_block..end - self.first_block], first * columns)
     }
 
-    /// Appends the pieces of neighbouring valid cells, from left to right.
-    pub(crate) fn pieces(&self, cells: Range<usize>, pieces: &mut Vec<Piece>) -> Result<()> {
+    /// Appends the spans of neighbouring valid cells, from left to right.
+    pub(crate) fn spans(&self, cells: Range<usize>, spans: &mut Vec<PatternSpan>) -> Result<()> {
         let columns = self.size.columns();
         let (first, end) = (cells.start / columns, cells.end.div_ceil(columns));
-        let is_before = |run: &Run| ((run.first + run.blocks) as usize) <= first;
+        let is_before = |run: &BlockSpan| ((run.first + run.blocks) as usize) <= first;
         let runs = &self.runs[self.runs.partition_point(is_before)..];
         for run in runs.iter().take_while(|run| (run.first as usize) < end) {
             let mut add = |blocks: Range<usize>, clipped: bool| -> Result<()> {
                 let own = (blocks.start * columns).max(cells.start)..(blocks.end * columns).min(cells.end);
                 if own.start < own.end {
-                    let &Run { shape, shift, .. } = run;
-                    let piece = Piece { first: own.start, cells: own.len(), shape, shift, clipped };
-                    buffer::push("area", pieces, piece)?;
+                    let &BlockSpan { pattern, shift, .. } = run;
+                    let span = PatternSpan { first: own.start, cells: own.len(), pattern, shift, clipped };
+                    buffer::push("area", spans, span)?;
                 }
                 Ok(())
             };
@@ -163,9 +156,9 @@ impl<'a> RowPlan<'a> {
 }
 
 /// The source averaged over boxes of `2^kx` columns and `2^ky` rows: entry (column, row) is the box whose top-left pixel
-/// is at both shifted left by [`Level::log_step`]. Entries that no probe touches are never made.
+/// is at both shifted left by [`RipLevel::log_step`]. Entries that no probe touches are never made.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(crate) struct Level {
+pub(crate) struct RipLevel {
     pub(crate) kx: u32,
     pub(crate) ky: u32,
     /// The first row that is kept; of the others, as many as `columns` has entries.
@@ -174,10 +167,10 @@ pub(crate) struct Level {
     pub(crate) first_column: u32,
     pub(crate) width: u32,
     /// The columns of each row that probes touch.
-    pub(crate) columns: Vec<Columns>,
+    pub(crate) columns: Vec<RowIntervals>,
 }
 
-impl Level {
+impl RipLevel {
     /// log2 of the source's pixels from a box of `2^k` pixels to the next: boxes overlap by half.
     #[inline(always)]
     pub(crate) fn log_step(k: u32) -> u32 {
@@ -191,15 +184,16 @@ impl Level {
     }
 }
 
-impl Plan {
-    /// Bytes that it holds.
-    pub(crate) fn nbytes(&self) -> usize {
+impl Derivative for Plan {
+    fn nbytes(&self) -> usize {
         let of_band = |band: &Band| size_of_val(&*band.rows) + size_of_val(&*band.runs) + size_of_val(&*band.blocks);
         self.bands.iter().map(of_band).sum::<usize>()
             + self.levels.iter().map(|level| size_of_val(&*level.columns)).sum::<usize>()
-            + self.rooms.nbytes()
+            + self.scratch.nbytes()
     }
+}
 
+impl Plan {
     /// How a row of the table is averaged.
     pub(crate) fn row(&self, row: usize) -> RowPlan<'_> {
         let (band, row) = (&self.bands[row / self.band_rows], row % self.band_rows);

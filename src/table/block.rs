@@ -1,6 +1,6 @@
 //! Blocks of neighbouring cells that are averaged alike, and the sides of their footprints as a few numbers.
 
-use super::shape::Shape;
+use super::pattern::SamplePattern;
 
 /// Cells of one vector, the columns of the widest blocks.
 pub(crate) const LANES: usize = 16;
@@ -16,12 +16,12 @@ pub(crate) struct Size {
 impl Size {
     /// From the largest to the one for coarse cells right beside a fisheye. With 4 rows alone plans take one and a half times
     /// as long, of 5 x 2.5 cm cells twice.
-    pub(super) const ALL: [Self; 5] =
+    pub(crate) const ALL: [Self; 5] =
         [Self::new(16, 16), Self::new(16, 8), Self::new(16, 4), Self::new(8, 4), Self::new(4, 4)];
 
-    pub(super) const MOST_ROWS: usize = Self::ALL[0].rows();
-    pub(super) const FEWEST_ROWS: usize = Self::ALL[4].rows();
-    pub(super) const FEWEST_COLUMNS: usize = Self::ALL[4].columns();
+    pub(crate) const MOST_ROWS: usize = Self::ALL[0].rows();
+    pub(crate) const FEWEST_ROWS: usize = Self::ALL[4].rows();
+    pub(crate) const FEWEST_COLUMNS: usize = Self::ALL[4].columns();
 
     const fn new(columns: u8, rows: u8) -> Self {
         Self { columns, rows }
@@ -46,17 +46,17 @@ impl Size {
     }
 
     /// The distance of a column from the block's middle: from -16 to 16, however many there are.
-    pub(super) const fn distance(self, column: usize) -> i32 {
+    pub(crate) const fn distance(self, column: usize) -> i32 {
         (2 * column as i32 + 1 - self.columns as i32) * (LANES / self.columns()) as i32
     }
 
     /// Half rows from the block's middle to a row.
-    pub(super) const fn half_rows(self, row: usize) -> i16 {
+    pub(crate) const fn half_rows(self, row: usize) -> i16 {
         2 * row as i16 + 1 - self.rows as i16
     }
 
-    /// Columns at which sides are looked at: about where Chebyshev's polynomial of degree four is zero.
-    pub(super) const fn nodes(self) -> [usize; 4] {
+    /// RowIntervals at which sides are looked at: about where Chebyshev's polynomial of degree four is zero.
+    pub(crate) const fn nodes(self) -> [usize; 4] {
         match self.columns {
             16 => [1, 5, 10, 14],
             8 => [0, 2, 5, 7],
@@ -78,15 +78,15 @@ pub(crate) struct Block {
     pub(crate) changes: [i16; 16],
     /// The middle of a footprint from where its cell samples, 1/1024 pixel.
     pub(crate) offset: [i16; 2],
-    pub(crate) shape: Shape,
+    pub(crate) pattern: SamplePattern,
     /// Sides are in 1/1024 pixel after shifting left by so many bits.
     pub(crate) shift: u8,
     /// Whether probes may leave the level.
-    pub(super) clipped: bool,
+    pub(crate) clipped: bool,
 }
 
 /// What coefficients are multiplied with in each column, in 1/64: polynomials of degree 0 to 3 of the distance from the
-/// block's middle, of which it only matters that they differ, are even or odd and fit 16 bits. Columns that a block does
+/// block's middle, of which it only matters that they differ, are even or odd and fit 16 bits. RowIntervals that a block does
 /// not have are as its last.
 pub(crate) type Basis = [[i16; LANES]; 4];
 
@@ -107,7 +107,7 @@ const fn basis(size: Size) -> Basis {
 }
 
 /// The basis at a distance from a block's middle.
-pub(super) const fn polynomials(distance: i32) -> [i16; 4] {
+pub(crate) const fn polynomials(distance: i32) -> [i16; 4] {
     let cube = distance * distance * distance;
     // rounded alike on either side
     let third = if cube < 0 { -((16 - cube) / 32) } else { (16 + cube) / 32 };
@@ -116,17 +116,17 @@ pub(super) const fn polynomials(distance: i32) -> [i16; 4] {
 
 impl Block {
     /// Cells that see no image, or a pixel or less of it.
-    pub(super) const BILINEAR: Self = Self {
+    pub(crate) const BILINEAR: Self = Self {
         coefficients: [0; 16],
         changes: [0; 16],
         offset: [0; 2],
-        shape: Shape::BILINEAR,
+        pattern: SamplePattern::BILINEAR,
         shift: 0,
         clipped: false,
     };
 
-    pub(super) fn is_bilinear(&self) -> bool {
-        self.shape.is_bilinear()
+    pub(crate) fn is_bilinear(&self) -> bool {
+        self.pattern.is_bilinear()
     }
 
     /// One of the sides of the footprints of a row of the block so far from its middle, x along, y along, x down or y down,
@@ -145,7 +145,7 @@ impl Block {
 
 /// A number for each of so many. One array at a time: of loops that write two the compiler makes no vectors.
 #[inline(always)]
-pub(super) fn lanes<T: Copy + Default, const N: usize>(of: impl Fn(usize) -> T) -> [T; N] {
+pub(crate) fn lanes<T: Copy + Default, const N: usize>(of: impl Fn(usize) -> T) -> [T; N] {
     let mut lanes = [T::default(); N];
     for (i, lane) in lanes.iter_mut().enumerate() {
         *lane = of(i);

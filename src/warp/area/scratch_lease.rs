@@ -2,27 +2,27 @@
 
 use std::mem::MaybeUninit;
 
+use super::plan::Plan;
 use crate::error::{Error, Result};
-use crate::lut::area::Plan;
 use crate::view::Sample;
 
 /// Memory for the levels of an image, lent by a plan.
 ///
 /// New memory is not set to 0 at once but row by row, each just before it is written: at once, it was a fifth of the time
 /// that a plan of 10 cm cells takes.
-pub(super) struct Room<'a> {
+pub(super) struct ScratchLease<'a> {
     plan: &'a Plan,
     /// The levels, or memory for them that was never written; it is empty then.
     words: Vec<u64>,
     count: usize,
 }
 
-impl<'a> Room<'a> {
-    /// Room for the levels of images of so many bytes a pixel.
+impl<'a> ScratchLease<'a> {
+    /// Memory for the levels of images of so many bytes a pixel.
     pub(super) fn new(plan: &'a Plan, pixel_bytes: usize) -> Result<Self> {
         let entries: usize = plan.levels.iter().map(|level| level.columns.len() * level.width as usize).sum();
         let count = (entries * pixel_bytes).div_ceil(8);
-        let mut words = plan.rooms.take(count).unwrap_or_default();
+        let mut words = plan.scratch.take(count).unwrap_or_default();
         if words.len() < count {
             words.try_reserve_exact(count).map_err(|_| Error::OutOfMemory { what: "area", bytes: 8 * count })?;
             // of the last one samples may fill a part
@@ -41,10 +41,10 @@ impl<'a> Room<'a> {
     /// The samples of all levels, to be read.
     ///
     /// # Safety
-    /// Every one was written: of those that [`Room::samples`] gave, [`Samples::written`] was called for all of them.
+    /// Every one was written: of those that [`ScratchLease::samples`] gave, [`Samples::written`] was called for all of them.
     pub(super) unsafe fn written<T: Sample>(&mut self) -> &[T] {
         if self.words.len() < self.count {
-            // SAFETY: there is room for them, and by the caller's word and `Room::new` all bytes were written.
+            // SAFETY: there is room for them, and by the caller's word and `ScratchLease::new` all bytes were written.
             unsafe { self.words.set_len(self.count) };
         }
         // SAFETY: as in `samples`; they were written, and any bytes are samples.
@@ -52,12 +52,12 @@ impl<'a> Room<'a> {
     }
 }
 
-impl Drop for Room<'_> {
+impl Drop for ScratchLease<'_> {
     fn drop(&mut self) {
         let words = std::mem::take(&mut self.words);
         // not one that has to be written first
         if !words.is_empty() {
-            self.plan.rooms.give(words);
+            self.plan.scratch.give(words);
         }
     }
 }

@@ -2,43 +2,44 @@
 
 use std::ops::Range;
 
-use super::{Level, Shape};
+use super::RipLevel;
 use crate::error::Result;
+use crate::table::pattern::SamplePattern;
 use crate::view::buffer;
 
 #[derive(Default)]
-pub(super) struct Needs {
-    levels: Vec<Need>,
+pub(super) struct LevelCoverages {
+    levels: Vec<LevelCoverage>,
     /// What was added last: blocks side by side mostly look at the same rows.
     last: Option<Rectangle>,
 }
 
 /// What is needed of a level.
-struct Need {
+struct LevelCoverage {
     kx: u8,
     ky: u8,
     /// Of each row of the whole level.
-    columns: Vec<Columns>,
+    columns: Vec<RowIntervals>,
     /// All rows of which something is needed are among these.
     rows: Range<usize>,
 }
 
-/// Entries of the level of a shape.
+/// Entries of the level of a pattern.
 struct Rectangle {
-    shape: Shape,
+    pattern: SamplePattern,
     columns: Range<u32>,
     rows: Range<u32>,
 }
 
-impl Needs {
+impl LevelCoverages {
     /// Rows of a level, which has so many.
-    fn rows(&mut self, kx: u8, ky: u8, count: usize, rows: Range<usize>) -> Result<&mut [Columns]> {
+    fn rows(&mut self, kx: u8, ky: u8, count: usize, rows: Range<usize>) -> Result<&mut [RowIntervals]> {
         let found = self.levels.iter().position(|need| (need.kx, need.ky) == (kx, ky));
         let index = match found {
             Some(index) => index,
             None => {
-                let columns = buffer::filled("area", count, Columns::default())?;
-                self.levels.push(Need { kx, ky, columns, rows: rows.clone() });
+                let columns = buffer::filled("area", count, RowIntervals::default())?;
+                self.levels.push(LevelCoverage { kx, ky, columns, rows: rows.clone() });
                 self.levels.len() - 1
             }
         };
@@ -47,39 +48,39 @@ impl Needs {
         Ok(&mut need.columns[rows])
     }
 
-    /// Adds a rectangle of the level of a shape, of a source of this height.
-    pub(super) fn add(&mut self, shape: Shape, height: u32, [columns, rows]: [Range<u32>; 2]) -> Result<()> {
+    /// Adds a rectangle of the level of a pattern, of a source of this height.
+    pub(super) fn add(&mut self, pattern: SamplePattern, height: u32, [columns, rows]: [Range<u32>; 2]) -> Result<()> {
         if let Some(last) = &mut self.last
-            && (last.shape, &last.rows) == (shape, &rows)
+            && (last.pattern, &last.rows) == (pattern, &rows)
             && touch(&last.columns, &columns)
         {
             last.columns = united(&last.columns, &columns);
             return Ok(());
         }
-        self.flush(height)?;
-        self.last = Some(Rectangle { shape, columns, rows });
+        self.commit(height)?;
+        self.last = Some(Rectangle { pattern, columns, rows });
         Ok(())
     }
 
     /// Takes the last rectangle in; before it, what was added is not complete.
-    pub(super) fn flush(&mut self, height: u32) -> Result<()> {
-        let Some(Rectangle { shape, columns, rows }) = self.last.take() else { return Ok(()) };
-        if shape.halvings() == 0 {
+    pub(super) fn commit(&mut self, height: u32) -> Result<()> {
+        let Some(Rectangle { pattern, columns, rows }) = self.last.take() else { return Ok(()) };
+        if pattern.halvings() == 0 {
             return Ok(()); // the source itself
         }
-        let count = Level::boxes(height, shape.ky.into()) as usize;
-        let rows = self.rows(shape.kx, shape.ky, count, rows.start as usize..rows.end as usize)?;
+        let count = RipLevel::boxes(height, pattern.ky.into()) as usize;
+        let rows = self.rows(pattern.kx, pattern.ky, count, rows.start as usize..rows.end as usize)?;
         rows.iter_mut().for_each(|row| row.add(&columns));
         Ok(())
     }
 
-    /// Those of all, which are flushed.
+    /// Those of all, which are committed.
     pub(super) fn merged(parts: Vec<Self>) -> Result<Self> {
         let mut parts = parts.into_iter();
         let mut all = parts.next().unwrap_or_default();
-        for Need { kx, ky, columns, rows } in parts.flat_map(|part| part.levels) {
+        for LevelCoverage { kx, ky, columns, rows } in parts.flat_map(|part| part.levels) {
             let into = all.rows(kx, ky, columns.len(), rows.clone())?;
-            for (own, Columns(ranges)) in into.iter_mut().zip(&columns[rows]) {
+            for (own, RowIntervals(ranges)) in into.iter_mut().zip(&columns[rows]) {
                 ranges.iter().for_each(|range| own.add(range));
             }
         }
@@ -87,15 +88,15 @@ impl Needs {
     }
 
     /// The levels, in an order that does not depend on that of the bands.
-    pub(super) fn levels(mut self) -> Result<Vec<Level>> {
+    pub(super) fn levels(mut self) -> Result<Vec<RipLevel>> {
         self.levels.sort_by_key(|need| (need.ky, need.kx));
-        let level = |Need { kx, ky, columns, rows }: Need| {
+        let level = |LevelCoverage { kx, ky, columns, rows }: LevelCoverage| {
             let first_row = rows.start as u32;
             let columns = buffer::copied("area", &columns[rows])?;
-            let ranges = columns.iter().flat_map(|Columns(ranges)| ranges).filter(|range| !range.is_empty());
+            let ranges = columns.iter().flat_map(|RowIntervals(ranges)| ranges).filter(|range| !range.is_empty());
             let all = ranges.cloned().reduce(|all, range| united(&all, &range)).unwrap_or(0..1);
             let (kx, ky) = (kx.into(), ky.into());
-            Ok(Level { kx, ky, first_row, first_column: all.start, width: all.end - all.start, columns })
+            Ok(RipLevel { kx, ky, first_row, first_column: all.start, width: all.end - all.start, columns })
         };
         self.levels.into_iter().map(level).collect()
     }
@@ -107,9 +108,9 @@ impl Needs {
 /// A level often serves cells at both sides of a view, and others those between. With one range from the first to the
 /// last, half as many entries again were made for cells of 10 cm, 15 % for 20 cm.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
-pub(crate) struct Columns(pub(crate) [Range<u32>; 2]);
+pub(crate) struct RowIntervals(pub(crate) [Range<u32>; 2]);
 
-impl Columns {
+impl RowIntervals {
     /// Adds a range; what does not fit two ranges is taken into one with the nearest.
     fn add(&mut self, range: &Range<u32>) {
         if is_none(range) {
@@ -168,21 +169,21 @@ mod tests {
             (state >> 8) % below
         };
         for _ in 0..2000 {
-            let (mut columns, mut added) = (Columns::default(), vec![]);
+            let (mut columns, mut added) = (RowIntervals::default(), vec![]);
             for _ in 0..next(6) {
                 let start = next(60);
                 let range = start..start + next(9);
                 columns.add(&range);
                 added.extend(range);
             }
-            let Columns([left, right]) = &columns;
+            let RowIntervals([left, right]) = &columns;
             let holds = |column: &u32| left.contains(column) || right.contains(column);
             assert!(added.iter().all(holds), "{added:?} {columns:?}");
             assert_eq!(is_none(left), added.is_empty());
             assert!(is_none(right) || (!is_none(left) && left.end < right.start), "{columns:?}");
         }
-        let mut columns = Columns::default();
+        let mut columns = RowIntervals::default();
         [10..20, 30..40, 42..44].iter().for_each(|range| columns.add(range));
-        assert_eq!(columns, Columns([10..20, 30..44]));
+        assert_eq!(columns, RowIntervals([10..20, 30..44]));
     }
 }

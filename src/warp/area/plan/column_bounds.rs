@@ -2,17 +2,17 @@
 
 use std::ops::Range;
 
-use super::block::{LANES, Size, lanes};
-use super::rows::{Coordinates, OUTSIDE};
 use crate::cpu::Isa;
 use crate::cpu::for_each_isa;
 use crate::error::Result;
 use crate::kernels::Row;
+use crate::lut::footprint::{Coordinates, OUTSIDE};
+use crate::table::block::{LANES, Size, lanes};
 
 /// Of a row of blocks the least and the greatest coordinates of each column, of x and of y. Column by column, so that vectors
 /// hold sixteen columns whatever the blocks are: a third of the time of block by block, for 10 cm cells.
 #[derive(Debug)]
-pub(super) struct Extremes {
+pub(super) struct ColumnBounds {
     /// Less 1.
     least: [Row<i32>; 2],
     greatest: [Row<i32>; 2],
@@ -24,12 +24,12 @@ const FAR: i32 = 1 << 30;
 /// The least and the greatest coordinate of each quarter of a block's columns. Down to one of all columns, the compiler
 /// would take the lanes of its vectors one by one.
 #[derive(Debug, Default, Clone, Copy)]
-pub(super) struct Bounds {
+pub(super) struct QuarterBounds {
     pub(super) least: [i32; 4],
     pub(super) greatest: [i32; 4],
 }
 
-impl Extremes {
+impl ColumnBounds {
     /// For rows of so many columns.
     pub(super) fn new(columns: usize) -> Result<Self> {
         let axis = || Row::filled(columns.next_multiple_of(LANES) + LANES, 0);
@@ -50,7 +50,7 @@ impl Extremes {
 
     /// Those of x and of y of neighbouring blocks of so many columns, the first of which begins at the `first`-th cell; of
     /// narrow blocks those of the next ones too.
-    pub(super) fn of_blocks(&self, isa: Isa, first: usize, columns: usize, bounds: [&mut [Bounds]; 2]) {
+    pub(super) fn of_blocks(&self, isa: Isa, first: usize, columns: usize, bounds: [&mut [QuarterBounds]; 2]) {
         for (axis, bounds) in bounds.into_iter().enumerate() {
             let [least, greatest] = [&self.least[axis], &self.greatest[axis]].map(|row| &row[first..]);
             bound(isa, least, greatest, columns, bounds);
@@ -81,19 +81,19 @@ fn extend(isa: Isa, rows: [&[i32]; Size::FEWEST_ROWS], first: bool, least: &mut 
     ));
 }
 
-fn bound(isa: Isa, least: &[i32], greatest: &[i32], columns: usize, bounds: &mut [Bounds]) {
+fn bound(isa: Isa, least: &[i32], greatest: &[i32], columns: usize, bounds: &mut [QuarterBounds]) {
     #[inline(always)]
-    fn body(least: &[i32], greatest: &[i32], columns: usize, bounds: &mut [Bounds]) {
+    fn body(least: &[i32], greatest: &[i32], columns: usize, bounds: &mut [QuarterBounds]) {
         for (index, bounds) in bounds.iter_mut().enumerate() {
             let of_block = |row: &[i32]| -> [i32; LANES] {
                 *row[index * columns..].first_chunk().expect("rows go on to the end of a block")
             };
             let least = of_quarters(of_block(least), |a, b| if a < b { a } else { b });
             let greatest = of_quarters(of_block(greatest), |a, b| if a > b { a } else { b });
-            *bounds = Bounds { least: lanes(|i| least[i] + 1), greatest };
+            *bounds = QuarterBounds { least: lanes(|i| least[i] + 1), greatest };
         }
     }
-    for_each_isa!(isa, (body, body, body)(least: &[i32], greatest: &[i32], columns: usize, bounds: &mut [Bounds]));
+    for_each_isa!(isa, (body, body, body)(least: &[i32], greatest: &[i32], columns: usize, bounds: &mut [QuarterBounds]));
 }
 
 #[inline(always)]

@@ -2,81 +2,14 @@
 
 use crate::cpu::Isa;
 use crate::cpu::for_each_isa;
-
-/// Sides of a lattice have at most so many probes.
-const MAX_PROBES: f32 = 16.0;
-
-/// Boxes have at most `2^MAX_LOG` pixels a side.
-const MAX_LOG: u32 = 6;
-
-/// A lattice of `along x down` probes, each over a box of `2^kx x 2^ky` pixels.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub(crate) struct Shape {
-    pub(crate) kx: u8,
-    pub(crate) ky: u8,
-    /// Probes along the side of the footprint that follows the output's row, and along the one down its columns.
-    pub(crate) along: u8,
-    pub(crate) down: u8,
-}
-
-impl Shape {
-    /// Plain bilinear: the footprint is no larger than a pixel.
-    pub(crate) const BILINEAR: Self = Self { kx: 0, ky: 0, along: 1, down: 1 };
-
-    #[inline]
-    pub(super) fn is_bilinear(self) -> bool {
-        self == Self::BILINEAR
-    }
-
-    /// One of those that [`choose`] has chosen.
-    #[inline]
-    pub(super) fn unpacked(packed: u32) -> Self {
-        let [kx, ky, along, down] = packed.to_le_bytes();
-        Self { kx, ky, along, down }
-    }
-
-    /// The offsets of `count` probes along a side of length 1, in 1/16384.
-    #[inline]
-    pub(crate) fn offsets(count: u8) -> &'static [i16] {
-        const MOST: usize = MAX_PROBES as usize;
-        static OFFSETS: [[i16; MOST]; MOST + 1] = {
-            let mut offsets = [[0; MOST]; MOST + 1];
-            let mut count = 1;
-            while count <= MOST {
-                let mut index = 0;
-                while index < count {
-                    offsets[count][index] = (((2 * index + 1) as i32 - count as i32) * (1 << 13) / count as i32) as i16;
-                    index += 1;
-                }
-                count += 1;
-            }
-            offsets
-        };
-        &OFFSETS[usize::from(count)][..count.into()]
-    }
-
-    /// Columns and rows of a box.
-    pub(crate) fn box_size(self) -> (u32, u32) {
-        (1 << self.kx, 1 << self.ky)
-    }
-
-    /// Probes of a footprint.
-    pub(crate) fn probes(self) -> u32 {
-        u32::from(self.along) * u32::from(self.down)
-    }
-
-    /// How many times pixels were averaged by twos.
-    pub(crate) fn halvings(self) -> u32 {
-        u32::from(self.kx) + u32::from(self.ky)
-    }
-}
+use crate::table::pattern::{MAX_LOG, MAX_PROBES};
 
 /// The largest level that a source of this size has in each direction.
 pub(super) fn largest_logs((width, height): (u32, u32)) -> [u32; 2] {
     [width, height].map(|size| if size < 4 { 0 } else { ((size - 1).ilog2() - 1).min(MAX_LOG) })
 }
 
-/// The shapes of footprints with sides (x, y) along and (x, y) down, in pixels, as bytes; levels above `largest` do not
+/// The patterns of footprints with sides (x, y) along and (x, y) down, in pixels, as bytes; levels above `largest` do not
 /// fit the source.
 ///
 /// Boxes must fit into the parallelogram, or they blur across it, and probes must lie no further apart than boxes are
@@ -84,13 +17,13 @@ pub(super) fn largest_logs((width, height): (u32, u32)) -> [u32; 2] {
 /// the sides are divided into boxes. Large footprints get more boxes to a chord, by the root of its length: there the
 /// result is so good that the corners of boxes show. They show most where the footprint lies across the pixels, and where
 /// it is a rectangle along them there are none.
-pub(super) fn choose<const N: usize>(isa: Isa, largest: [u32; 2], sides: &[[f32; N]; 4], shapes: &mut [u32; N]) {
-    let (sides, shapes) = (sides.each_ref().map(|side| &side[..]), &mut shapes[..]);
-    for_each_isa!(isa, (body, body, body)(largest: [u32; 2], sides: [&[f32]; 4], shapes: &mut [u32]));
+pub(super) fn choose<const N: usize>(isa: Isa, largest: [u32; 2], sides: &[[f32; N]; 4], patterns: &mut [u32; N]) {
+    let (sides, patterns) = (sides.each_ref().map(|side| &side[..]), &mut patterns[..]);
+    for_each_isa!(isa, (body, body, body)(largest: [u32; 2], sides: [&[f32]; 4], patterns: &mut [u32]));
 }
 
 #[inline(always)]
-fn body(largest: [u32; 2], sides: [&[f32]; 4], shapes: &mut [u32]) {
+fn body(largest: [u32; 2], sides: [&[f32]; 4], patterns: &mut [u32]) {
     /// Chords in pixels of which a box is as long as the chord: this where the footprint is a pixel thick in the other
     /// direction, for there the source's own pixels decide how good the result can be; shorter where it is thicker, but
     /// no shorter than `SHORTEST` across and down.
@@ -109,7 +42,7 @@ fn body(largest: [u32; 2], sides: [&[f32]; 4], shapes: &mut [u32]) {
     const UP_TO_TWO: f32 = 1.15;
     /// The same where the lattice is known: 2^0.32.
     const UP_LEFT: f32 = 1.25;
-    let count = shapes.len();
+    let count = patterns.len();
     let [ax, ay, bx, by] = sides.map(|side| &side[..count]);
     for i in 0..count {
         let area = (ax[i] * by[i] - ay[i] * bx[i]).abs();
@@ -145,7 +78,7 @@ fn body(largest: [u32; 2], sides: [&[f32]; 4], shapes: &mut [u32]) {
         let left = |a: f32, b: f32| larger(larger(a / along as f32, b / down as f32), 1.0);
         let kx = floor_log2(left(ax, bx) * UP_LEFT).min(largest[0]);
         let ky = floor_log2(left(ay, by) * UP_LEFT).min(largest[1]);
-        shapes[i] = kx | ky << 8 | (along as u32) << 16 | (down as u32) << 24;
+        patterns[i] = kx | ky << 8 | (along as u32) << 16 | (down as u32) << 24;
     }
 }
 
@@ -172,7 +105,7 @@ fn roundness_of_few_pixels(area: f32, squares: f32) -> f32 {
     if area > SMALL { 0.0 } else { smaller(larger((round - 0.6) * (1.0 / 0.15), 0.0), 1.0) }
 }
 
-// of the standard library's the compiler makes no vectors, for the sake of NaN
+// Plain comparisons: f32::max and min handle NaN, which blocks vectorisation.
 
 #[inline(always)]
 pub(super) fn larger(a: f32, b: f32) -> f32 {
