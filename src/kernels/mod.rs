@@ -38,8 +38,6 @@ mod widen;
 
 pub(crate) use aligned::Row;
 pub(crate) use average::Average;
-#[cfg(target_arch = "x86_64")]
-use avx512::boxes_u8;
 pub(crate) use blend::sealed;
 use blend::sealed::Blend;
 pub(crate) use places::{Exact, ExactBlend, ExactKernels, Float};

@@ -91,7 +91,11 @@ pub(super) fn probes_u8(isa: Isa, channels: usize) -> Option<ProbesKernel<u8>> {
     by_isa!(
         isa,
         Scalar => None,
-        Avx2 => None,
+        Avx2 => match channels {
+            3 => kernel!(avx2::probes_u8::<3>),
+            4 => kernel!(avx2::probes_u8::<4>),
+            _ => None,
+        },
         Avx512 => match channels {
             3 => kernel!(avx512::probes_u8::<3>),
             4 => kernel!(avx512::probes_u8::<4>),

@@ -22,7 +22,7 @@ use crate::kernels::{Source, scalar};
 use crate::table::Tap;
 
 /// Bytes that the widest load touches beyond a position.
-const LOADED: usize = 16;
+pub(super) const LOADED: usize = 16;
 
 /// Cells whose four pixels exist, of an image of 1, 3 or 4 channels.
 ///
@@ -60,7 +60,7 @@ fn blend_run<const CHANNELS: usize, const GROUPS: usize>(source: &Source<'_, u8>
 /// The weights of eight cells. 32768 does not fit and is 32767, which changes no result: `32767 p + 2^14` is still at
 /// least `32768 p` for every 8-bit p.
 #[derive(Clone, Copy)]
-struct Weights {
+pub(super) struct Weights {
     /// Top right in the low half of each lane, top left in the high half.
     top: __m256i,
     /// Bottom right in the low half, bottom left in the high half.
@@ -70,7 +70,7 @@ struct Weights {
 impl Weights {
     #[inline]
     #[target_feature(enable = "avx2")]
-    fn new(fractions: __m256i) -> Self {
+    pub(super) fn new(fractions: __m256i) -> Self {
         #[rustfmt::skip]
         let swap = _mm256_setr_epi8(
             2, 3, 0, 1, 6, 7, 4, 5, 10, 11, 8, 9, 14, 15, 12, 13,
@@ -116,7 +116,14 @@ fn round_pairs(a: __m256i, b: __m256i) -> __m256i {
 #[inline]
 #[target_feature(enable = "avx2")]
 fn blend_colour<const CHANNELS: usize>(plane: &Plane<'_>, at: &Cells<'_>, weights: &Weights, cells: &mut [u8]) {
-    assert_eq!(cells.len(), CELLS * CHANNELS);
+    store_colour::<CHANNELS>(colour_sums::<CHANNELS>(plane, at, weights), cells);
+}
+
+/// Their samples as 16-bit numbers, in the order that [`store_colour`] packs. All positions are within the plane's limit
+/// of [`LOADED`] bytes.
+#[inline]
+#[target_feature(enable = "avx2")]
+pub(super) fn colour_sums<const CHANNELS: usize>(plane: &Plane<'_>, at: &Cells<'_>, weights: &Weights) -> [__m256i; 2] {
     // right and left pixel of each channel as 16-bit numbers; -1 is zero
     #[rustfmt::skip]
     let spread = if CHANNELS == 3 {
@@ -137,6 +144,14 @@ fn blend_colour<const CHANNELS: usize>(plane: &Plane<'_>, at: &Cells<'_>, weight
     };
     let first = round_pairs(sums(0, weights.quarter::<0b00_00_00_00>()), sums(1, weights.quarter::<0b01_01_01_01>()));
     let second = round_pairs(sums(2, weights.quarter::<0b10_10_10_10>()), sums(3, weights.quarter::<0b11_11_11_11>()));
+    [first, second]
+}
+
+/// Packs samples of eight cells of 3 or 4 channels.
+#[inline]
+#[target_feature(enable = "avx2")]
+pub(super) fn store_colour<const CHANNELS: usize>([first, second]: [__m256i; 2], cells: &mut [u8]) {
+    assert_eq!(cells.len(), CELLS * CHANNELS);
     // a half holds r0 r1 g0 g1 b0 b1 a0 a1 r2 r3 g2 g3 b2 b3 a2 a3
     let packed = _mm256_packus_epi16(first, second);
     let out = cells.as_mut_ptr();

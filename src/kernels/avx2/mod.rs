@@ -3,13 +3,17 @@
 //! A vector is two halves of 128 bits, and shuffles stay inside a half. Cells are therefore dealt out so that nothing
 //! has to cross: the low half works on cells 0 to 3, the high half on cells 4 to 7.
 
+mod boxes;
 mod bytes;
 mod floats;
 mod nearest;
+mod probes;
 
+pub(super) use boxes::boxes_u8;
 pub(super) use bytes::{bilinear_u8, bilinear_u8_any};
 pub(super) use floats::{bilinear_f32, bilinear_f32_any, bilinear_u16, bilinear_u16_any};
 pub(super) use nearest::nearest;
+pub(super) use probes::probes_u8;
 
 use std::arch::x86_64::*;
 use std::mem::MaybeUninit;

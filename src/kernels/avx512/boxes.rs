@@ -6,7 +6,7 @@ use std::arch::x86_64::*;
 /// their pixels and no more, or from one in which its rows are averaged already; they are `2^ky` rows of the source. False,
 /// and nothing written, for other widths than 4, 8 and 16 pixels and for fewer boxes than a vector has.
 #[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512vbmi,avx512vnni")]
-pub(crate) fn boxes_u8<const CHANNELS: usize>([kx, ky]: [u32; 2], rows: &[&[u8]], out: &mut [u8]) -> bool {
+pub(in crate::kernels) fn boxes_u8<const CHANNELS: usize>([kx, ky]: [u32; 2], rows: &[&[u8]], out: &mut [u8]) -> bool {
     // pairs of columns are halved until two of them make a box; the last step overlaps
     match kx {
         2 => boxes_of_width::<CHANNELS, 1>(ky, rows, out),

@@ -8,7 +8,7 @@ mod pairs;
 mod probes;
 mod taps;
 
-pub(crate) use boxes::boxes_u8;
+pub(super) use boxes::boxes_u8;
 pub(super) use bytes::{bilinear_u8, bilinear_u8_any};
 pub(super) use floats::{bilinear_float, bilinear_float_any};
 pub(super) use nearest::nearest;
