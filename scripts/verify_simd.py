@@ -27,15 +27,17 @@ X86_64 = {
     "kernels::avx512::nearest": ["vperm[it]2[bd] .*zmm"],
     "kernels::avx2::bytes": ["vpmaddwd .*ymm", "vpshufb .*ymm", "vpmulhrsw .*[xy]mm"],
     "kernels::avx2::floats": ["vmulps .*ymm", "vsubps .*ymm", "vcvtdq2ps .*ymm"],
+    "kernels::avx2::pairs": ["vpmaddwd .*ymm", "vpshufb .*ymm", "vmulps .*ymm"],
     "kernels::avx2::nearest": ["vpaddd .*ymm"],
+    "kernels::avx2::copy": ["vpshufb .*xmm", "vpcmpgtd .*ymm"],
     "quantise_inside::avx512": ["vaddpd .*zmm", "vpmultishiftqb .*zmm"],
     "quantise_inside::avx2": ["vaddpd .*ymm", "vpsrlq .*ymm"],
     "fill::avx512": ["vdivpd .*zmm"],
     "fill::avx2": ["vdivpd .*ymm"],
     "cpu::run::avx512": ["vdivpd .*zmm", "vcvtps2pd .*zmm", "vpermt2p[sd] .*zmm"],
     "cpu::run::avx2": ["vdivpd .*ymm", "vcvtps2pd .*ymm"],
-    "kernels::bent::BentRow::fill::avx512": ["vdivpd .*zmm", "vsqrtpd .*zmm"],
-    "kernels::bent::BentRow::fill::avx2": ["vdivpd .*ymm", "vsqrtpd .*ymm"],
+    "build::bent::BentRow::fill::avx512": ["vdivpd .*zmm", "vsqrtpd .*zmm"],
+    "build::bent::BentRow::fill::avx2": ["vdivpd .*ymm", "vsqrtpd .*ymm"],
 }
 # Every aarch64 has NEON, so its kernels are inlined into their callers and have no names. These are instructions that
 # the compiler does not come upon in a loop.

@@ -178,7 +178,7 @@ fn no_byte_outside_the_image_or_the_output() {
     let mut pages = Pages { source: Fenced::new(1 << 20), out: Fenced::new(1 << 16) };
     // from images smaller than any vector to images wider than any window
     for size in [(2, 2), (3, 3), (7, 2), (19, 4), (40, 3), (150, 2), (150, 9)] {
-        for channels in [1, 2, 3, 4, 5, 6, 16] {
+        for channels in [1, 2, 3, 4, 5, 6, 7, 8, 9, 16] {
             pages.bilinear::<u8>(size, channels, &mut random);
             pages.bilinear::<u16>(size, channels, &mut random);
             pages.bilinear::<f32>(size, channels, &mut random);

@@ -1449,7 +1449,11 @@ class Lut:
         is no camera."""
     @property
     def nbytes(self) -> int:
-        """Bytes that the table holds, at most 12 a cell; and what the first `warp` with "area" has added to them."""
+        """Bytes that the table holds, at most 12 a cell, and what warps have added to them.
+
+        The first `warp` with "area" adds how its cells are averaged, the first with "nearest" on a CPU whose best
+        instruction set is AVX2 the nearest pixel of each cell (4 bytes).
+        """
     @property
     def mask(self) -> NDArray[np.bool_]:
         """Which cells are valid: in front of the camera and inside the image's pixel centres. (rows, columns) bool."""

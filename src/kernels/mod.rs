@@ -115,6 +115,9 @@ impl<'a, T: Sample> Source<'a, T> {
 /// Fills neighbouring cells from their taps; `cells` holds `taps.len() * channels` samples.
 pub(crate) type RowKernel<T> = fn(&Source<'_, T>, &[Tap], &mut [T]);
 
+/// Fills neighbouring cells from their nearest pixels, counted as `y * width + x`, of an image whose rows are back to back.
+pub(crate) type CopyKernel<T> = fn(&Source<'_, T>, &[u32], &mut [T]);
+
 /// The same with exact fractions, of kind `F`.
 pub(crate) type ExactKernel<T, F> = fn(&Source<'_, T>, Exact<'_, F>, &mut [T]);
 
@@ -173,6 +176,8 @@ pub(crate) struct RowKernels<T> {
     pub(crate) inside: RowKernel<T>,
     /// For cells on the rim and in the halo.
     pub(crate) edge: RowKernel<T>,
+    /// Instead of `inside` where a table has the nearest pixels as numbers; none where that is no gain.
+    pub(crate) copy: Option<CopyKernel<T>>,
 }
 
 impl<T: Sample> RowKernels<T> {
@@ -181,6 +186,7 @@ impl<T: Sample> RowKernels<T> {
         let special = special::nearest(isa, channels * size_of::<T>());
         Self {
             inside: special.unwrap_or_else(|| Self::nearest_scalar(channels, contiguous)),
+            copy: if contiguous { special::copy(isa, channels * size_of::<T>()) } else { None },
             edge: match channels {
                 1 => scalar::nearest_edge::<T, 1>,
                 3 => scalar::nearest_edge::<T, 3>,
@@ -212,6 +218,6 @@ impl<T: Blend> RowKernels<T> {
             3 => scalar::bilinear_edge::<T, 3>,
             _ => scalar::bilinear_edge::<T, 0>,
         };
-        Self { inside, edge }
+        Self { inside, edge, copy: None }
     }
 }

@@ -56,6 +56,12 @@ impl<'a> Plane<'a> {
         self.data.as_ptr()
     }
 
+    /// How many bytes there are.
+    #[cfg(target_arch = "x86_64")]
+    pub(super) fn bytes(&self) -> usize {
+        self.data.len()
+    }
+
     /// The last position from which `bytes` may be loaded there and one row below; -1 where there is none.
     pub(super) fn limit(&self, bytes: usize) -> i32 {
         let last = self.data.len() as isize - bytes as isize - self.row_stride.max(0);

@@ -38,6 +38,16 @@ pub(super) fn nearest<T: Sample, const CHANNELS: usize, const CONTIGUOUS: bool>(
     }
 }
 
+/// Cells whose nearest pixels are these, counted as `y * width + x`.
+#[cfg(target_arch = "x86_64")]
+pub(super) fn copy<T: Sample>(source: &Source<'_, T>, pixels: &[u32], cells: &mut [T]) {
+    let channels = source.channels();
+    for (&pixel, cell) in pixels.iter().zip(cells.chunks_exact_mut(channels)) {
+        let from = sample::<T, 0, false>(source, pixel);
+        cell.copy_from_slice(&source.image.data()[from..from + channels]);
+    }
+}
+
 /// Cells on the rim and in the halo: the nearest pixel if it exists.
 pub(super) fn nearest_edge<T: Sample, const CHANNELS: usize>(source: &Source<'_, T>, taps: &[Tap], cells: &mut [T]) {
     for (tap, cell) in taps.iter().zip(cells.chunks_exact_mut(channels::<T, CHANNELS>(source))) {

@@ -69,8 +69,9 @@ impl Lut {
         self.table.source()
     }
 
-    /// Bytes that the table holds, and from the first use of [`Interpolation::Area`](crate::Interpolation::Area) on those
-    /// of what it needs beyond.
+    /// Bytes that the table holds, and those of what interpolations need beyond, from their first use on:
+    /// [`Interpolation::Area`](crate::Interpolation::Area), and [`Interpolation::Nearest`](crate::Interpolation::Nearest)
+    /// with AVX2 (4 bytes a cell).
     pub fn nbytes(&self) -> usize {
         self.table.nbytes() + self.derived.nbytes()
     }

@@ -54,6 +54,8 @@ pub(crate) struct Span<'a> {
     pub(crate) first: usize,
     pub(crate) cells: usize,
     pub(crate) taps: &'a [Tap],
+    /// The number of its first tap among those of the rows it is of.
+    pub(crate) first_tap: usize,
 }
 
 /// The spans of consecutive rows. The spans of a row are as many cells as the row has.
@@ -92,12 +94,12 @@ impl RowSpans {
     pub(crate) fn spans<'a>(&'a self, row: usize, taps: &'a [Tap]) -> impl Iterator<Item = Span<'a>> {
         let (begin, end) = (self.begin(row), self.ends[row]);
         let mut taps = &taps[begin.tap as usize..end.tap as usize];
-        let mut first = 0;
+        let (mut first, mut first_tap) = (0, begin.tap as usize);
         self.spans[begin.span as usize..end.span as usize].iter().map(move |packed| {
             let own;
             (own, taps) = taps.split_at(packed.taps());
-            let span = Span { kind: packed.kind(), first, cells: packed.cells(), taps: own };
-            first += span.cells;
+            let span = Span { kind: packed.kind(), first, cells: packed.cells(), taps: own, first_tap };
+            (first, first_tap) = (first + span.cells, first_tap + own.len());
             span
         })
     }
@@ -201,6 +203,11 @@ impl<'a> Band<'a> {
     pub(crate) fn cells_with_taps(&self, rows: Range<usize>) -> usize {
         let begin = |row| self.spans.begin(row - self.rows.start).tap;
         (begin(rows.end) - begin(rows.start)) as usize
+    }
+
+    /// The taps of all its rows, one row's behind another's.
+    pub(crate) fn taps(&self) -> &'a [Tap] {
+        self.taps
     }
 
     /// The spans of a row of the band, from left to right, without a gap.

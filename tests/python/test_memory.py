@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 import subprocess
 import sys
 
@@ -68,8 +69,9 @@ def assert_twelve_bytes_per_cell(map_x: np.ndarray, map_y: np.ndarray, size: tup
 
 def test_bytes_per_cell_of_the_seed_job(seed_lut):
     rows, columns = seed_lut.shape
-    assert seed_lut.nbytes <= 12 * rows * columns
-    assert seed_lut.nbytes <= 8.2 * rows * columns
+    fresh = pickle.loads(pickle.dumps(seed_lut))  # other tests' warps have added to it
+    assert fresh.nbytes <= 12 * rows * columns
+    assert fresh.nbytes <= 8.2 * rows * columns
 
 
 PATHOLOGICAL = {

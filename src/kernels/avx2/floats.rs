@@ -24,7 +24,7 @@ fn mix(a: __m256, b: __m256, t: __m256) -> __m256 {
 /// Pixels: top left, top right, bottom left, bottom right.
 #[inline]
 #[target_feature(enable = "avx2")]
-fn blend((x, y): (__m256, __m256), pixels: [__m256; 4]) -> __m256 {
+pub(super) fn blend((x, y): (__m256, __m256), pixels: [__m256; 4]) -> __m256 {
     let [top_left, top_right, bottom_left, bottom_right] = pixels;
     mix(mix(top_left, top_right, x), mix(bottom_left, bottom_right, x), y)
 }
@@ -199,7 +199,7 @@ pub(in crate::kernels) fn bilinear_f32_any<P: Places<f32>>(source: &Source<'_, f
 /// The weights of a group whose first cell is `first`.
 #[inline]
 #[target_feature(enable = "avx2")]
-fn weights_of<P: Places<f32>>(places: P, first: usize, group: &Group) -> (__m256, __m256) {
+pub(super) fn weights_of<P: Places<f32>>(places: P, first: usize, group: &Group) -> (__m256, __m256) {
     match places.floats::<CELLS>(first) {
         // SAFETY: eight numbers are 32 bytes; the loads need no alignment.
         Some([x, y]) => unsafe { (_mm256_loadu_ps(x.as_ptr()), _mm256_loadu_ps(y.as_ptr())) },
@@ -223,7 +223,7 @@ fn weight_lanes((x, y): (__m256, __m256)) -> ([f32; CELLS], [f32; CELLS]) {
 /// The 16-bit result of a blend, in 32 bits: rounded as the scalar kernel does it.
 #[inline]
 #[target_feature(enable = "avx2")]
-fn round_u16(blend: __m256) -> __m256i {
+pub(super) fn round_u16(blend: __m256) -> __m256i {
     _mm256_cvttps_epi32(_mm256_add_ps(blend, _mm256_set1_ps(0.5)))
 }
 

@@ -45,8 +45,8 @@ fn copy_run<T: Sample, const PIXEL: usize, const GROUPS: usize>(source: &Source<
         |at, (), cells| {
             let cells = as_bytes_mut(cells);
             match PIXEL {
-                1 | 2 if copy_window::<PIXEL>(&plane, at, cells) => {}
-                3 | 6 | 12 => copy_with_excess::<PIXEL>(&plane, at, cells),
+                1 | 2 if pick_from_windows::<PIXEL>(vector(at.positions), || load_windows(&plane, at), cells) => {}
+                3 | 6 | 12 => copy_with_excess::<PIXEL>(|cell| plane.start().wrapping_add(at.position(cell)), cells),
                 _ => copy::<PIXEL>(&plane, at, cells),
             }
         },
@@ -54,8 +54,18 @@ fn copy_run<T: Sample, const PIXEL: usize, const GROUPS: usize>(source: &Source<
     );
 }
 
+/// 16 bytes from the lowest position of either half, all of which the caller checked.
+#[inline]
+#[target_feature(enable = "avx2")]
+fn load_windows(plane: &Plane<'_>, at: &Cells<'_>) -> __m256i {
+    // positions of nearest pixels, which are not those of the taps
+    let lower = |first, last| plane.start().wrapping_add(at.position(first).min(at.position(last))).cast();
+    // SAFETY: both are among the positions: 16 bytes may be loaded from there.
+    unsafe { load_halves(lower(0, 3), lower(4, 7)) }
+}
+
 /// Bytes that are loaded for a pixel where the image has them; for pixels of 1 and 2 bytes, for several.
-const fn loaded<const PIXEL: usize>() -> usize {
+pub(super) const fn loaded<const PIXEL: usize>() -> usize {
     match PIXEL {
         3 => 4,
         6 => 8,
@@ -83,7 +93,7 @@ fn copy<const PIXEL: usize>(plane: &Plane<'_>, at: &Cells<'_>, cells: &mut [u8])
 /// So many bytes can be read at `from` and written at `to`, and they do not overlap.
 #[inline]
 #[target_feature(enable = "avx2")]
-unsafe fn copy_pixel(from: *const u8, to: *mut u8, size: usize) {
+pub(super) unsafe fn copy_pixel(from: *const u8, to: *mut u8, size: usize) {
     let piece = |at: usize, bytes: usize| {
         // SAFETY: the caller's promise, and `at + bytes <= size` in every call below.
         unsafe { std::ptr::copy_nonoverlapping(from.add(at), to.add(at), bytes) };
@@ -117,38 +127,39 @@ unsafe fn copy_pixel(from: *const u8, to: *mut u8, size: usize) {
     }
 }
 
-/// Copies pixels of 3, 6 or 12 bytes as if they were 4, 8 or 16. Every position must allow that.
+/// Copies pixels of 3, 6 or 12 bytes, the first of which are at `from`, as if they were 4, 8 or 16: so much must exist from
+/// each on.
 #[inline]
 #[target_feature(enable = "avx2")]
-fn copy_with_excess<const PIXEL: usize>(plane: &Plane<'_>, at: &Cells<'_>, cells: &mut [u8]) {
+pub(super) fn copy_with_excess<const PIXEL: usize>(from: impl Fn(usize) -> *const u8, cells: &mut [u8]) {
     assert_eq!(cells.len(), CELLS * PIXEL);
     let out = cells.as_mut_ptr();
     for cell in 0..CELLS {
-        let (from, to) = (plane.start().wrapping_add(at.position(cell)), out.wrapping_add(cell * PIXEL));
+        let (from, to) = (from(cell), out.wrapping_add(cell * PIXEL));
         if cell < CELLS - 1 {
-            // SAFETY: the caller checked the position. `cells` has room for the excess, because another pixel follows
-            // that is no smaller; it is written later.
+            // SAFETY: the caller's promise. `cells` has room for the excess, because another pixel follows that is no
+            // smaller; it is written later.
             unsafe { std::ptr::copy_nonoverlapping(from, to, loaded::<PIXEL>()) };
         } else {
-            // SAFETY: the nearest of a tap's four pixels exists, and `to` is the last pixel of `cells`.
+            // SAFETY: the pixel exists, and `to` is the last one of `cells`.
             unsafe { copy_pixel(from, to, PIXEL) };
         }
     }
 }
 
-/// Copies eight pixels of 1 or 2 bytes from windows: where four neighbouring cells look at 16 bytes of one row, `pshufb`
-/// picks them from there. False, and nothing copied, where they do not.
+/// Copies eight pixels of 1 or 2 bytes from windows: where four neighbouring cells look at 16 bytes, `pshufb` picks them
+/// from there. False, and nothing copied, where they do not. `windows` loads 16 bytes from the lowest position of either
+/// half.
 #[inline]
 #[target_feature(enable = "avx2")]
-fn copy_window<const PIXEL: usize>(plane: &Plane<'_>, at: &Cells<'_>, cells: &mut [u8]) -> bool {
+pub(super) fn pick_from_windows<const PIXEL: usize>(
+    positions: __m256i,
+    windows: impl FnOnce() -> __m256i,
+    cells: &mut [u8],
+) -> bool {
     assert_eq!(cells.len(), CELLS * PIXEL);
-    let Some(distances) = distances_within(vector(at.positions), 16 - PIXEL as i32) else { return false };
-    // positions of nearest pixels, which are not those of the taps
-    let lower = |first, last| at.position(first).min(at.position(last));
-    let (low, high) = (lower(0, 3), lower(4, 7));
-    let at = |position: usize| plane.start().wrapping_add(position).cast();
-    // SAFETY: both are among the positions, which the caller checked: 16 bytes may be loaded from there.
-    let windows = unsafe { load_halves(at(low), at(high)) };
+    let Some(distances) = distances_within(positions, 16 - PIXEL as i32) else { return false };
+    let windows = windows();
     let picked = if PIXEL == 1 {
         let bytes = _mm_setr_epi8(0, 4, 8, 12, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1, -1);
         let pick = _mm256_shuffle_epi8(distances, _mm256_broadcastsi128_si256(bytes));

@@ -11,7 +11,7 @@ use crate::kernels::plane::Plane;
 use crate::kernels::{Source, scalar};
 use crate::table::Tap;
 
-/// Cells whose four pixels exist, of an image of 1, 3 or 4 channels.
+/// Cells whose four pixels exist, of an image of 1 to 4 channels.
 ///
 /// # Safety
 /// The CPU has NEON, and the taps are of a run that is inside.
@@ -28,6 +28,7 @@ pub(in crate::kernels) fn bilinear_u8<const CHANNELS: usize>(source: &Source<'_,
         let rows = plane.rows::<CHANNELS, 8>(taps);
         match CHANNELS {
             1 => blend_single(rows, &weights, cells),
+            2 => blend_pairs(rows, &weights, cells),
             4 => store_four(blend::<4>(rows, &weights), cells),
             // beyond the two pixels of a row lie two bytes that the image may not have
             _ if highest::<CHANNELS>(&plane, &rows, vmaxq_u32(low.offsets, high.offsets)) as isize > last => {
@@ -110,19 +111,62 @@ fn blend_single(rows: Rows, weights: &Weights, cells: &mut [u8]) {
     let pair = |at: *const u8| unsafe { at.cast::<u16>().read_unaligned() };
     let (top, bottom) = (pairs(rows.map(|(top, _)| pair(top))), pairs(rows.map(|(_, bottom)| pair(bottom))));
     let left = |pairs| vandq_u16(pairs, vdupq_n_u16(0x00ff));
-    let products = [
+    let blended = blend_lanes([
         (left(top), weights.top_left),
         (vshrq_n_u16::<8>(top), weights.top_right),
         (left(bottom), weights.bottom_left),
         (vshrq_n_u16::<8>(bottom), weights.bottom_right),
-    ];
+    ]);
+    // SAFETY: `cells` holds 8 bytes.
+    unsafe { vst1_u8(cells.as_mut_ptr(), blended) };
+}
+
+/// Eight sums of pixels times weights, rounded.
+#[inline]
+#[target_feature(enable = "neon")]
+fn blend_lanes(products: [(uint16x8_t, uint16x8_t); 4]) -> uint8x8_t {
     let (mut low, mut high) = (vdupq_n_u32(0), vdupq_n_u32(0));
     for (pixels, weights) in products {
         low = vmlal_u16(low, vget_low_u16(pixels), vget_low_u16(weights));
         high = vmlal_high_u16(high, pixels, weights);
     }
-    // SAFETY: `cells` holds 8 bytes.
-    unsafe { vst1_u8(cells.as_mut_ptr(), vmovn_u16(rounded(low, high))) };
+    vmovn_u16(rounded(low, high))
+}
+
+/// Eight cells of two channels, a lane to a channel.
+#[inline]
+#[target_feature(enable = "neon")]
+fn blend_pairs(rows: Rows, weights: &Weights, cells: &mut [u8]) {
+    assert_eq!(cells.len(), 16);
+    // SAFETY: the cells are inside, so two pixels of two bytes exist at either address.
+    let pair = |at: *const u8| unsafe { at.cast::<u32>().read_unaligned() };
+    let (top, bottom) =
+        (lefts_and_rights(rows.map(|(top, _)| pair(top))), lefts_and_rights(rows.map(|(_, row)| pair(row))));
+    let low = |pixels: uint8x16_t| vmovl_u8(vget_low_u8(pixels));
+    let first = blend_lanes([
+        (low(top.0), vzip1q_u16(weights.top_left, weights.top_left)),
+        (low(top.1), vzip1q_u16(weights.top_right, weights.top_right)),
+        (low(bottom.0), vzip1q_u16(weights.bottom_left, weights.bottom_left)),
+        (low(bottom.1), vzip1q_u16(weights.bottom_right, weights.bottom_right)),
+    ]);
+    let last = blend_lanes([
+        (vmovl_high_u8(top.0), vzip2q_u16(weights.top_left, weights.top_left)),
+        (vmovl_high_u8(top.1), vzip2q_u16(weights.top_right, weights.top_right)),
+        (vmovl_high_u8(bottom.0), vzip2q_u16(weights.bottom_left, weights.bottom_left)),
+        (vmovl_high_u8(bottom.1), vzip2q_u16(weights.bottom_right, weights.bottom_right)),
+    ]);
+    // SAFETY: `cells` holds 16 bytes.
+    unsafe { vst1q_u8(cells.as_mut_ptr(), vcombine_u8(first, last)) };
+}
+
+/// The left and the right pixels of eight cells, each of two bytes.
+#[inline]
+#[target_feature(enable = "neon")]
+fn lefts_and_rights(pairs: [u32; 8]) -> (uint8x16_t, uint8x16_t) {
+    // SAFETY: eight lanes of 32 bits.
+    let (low, high) = unsafe { (vld1q_u32(pairs.as_ptr()), vld1q_u32(pairs.as_ptr().add(4))) };
+    let (low, high) = (vreinterpretq_u16_u32(low), vreinterpretq_u16_u32(high));
+    (vreinterpretq_u8_u16(vuzp1q_u16(low, high)), vreinterpretq_u8_u16(vuzp2q_u16(low, high)))
 }
 
 #[inline]

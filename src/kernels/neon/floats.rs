@@ -90,7 +90,7 @@ impl InFloat for u16 {
     }
 }
 
-/// Cells whose four pixels exist, of an image of 1, 3 or 4 channels.
+/// Cells whose four pixels exist, of an image of 1 to 4 channels.
 ///
 /// # Safety
 /// The CPU has NEON, and the taps are of a run that is inside.
@@ -134,6 +134,19 @@ pub(in crate::kernels) fn bilinear_float<T: InFloat, P: Places<T>, const CHANNEL
             }
             return;
         }
+        if CHANNELS == 2 {
+            // SAFETY: the cells are inside, so two pixels, four samples, exist at either address of each; `cells` holds 8.
+            unsafe {
+                let two = |first: usize, fx, fy| {
+                    let row = |one, other| lefts_and_rights(T::load_four(one), T::load_four(other));
+                    let ((top, bottom), (next_top, next_bottom)) = (rows[first], rows[first + 1]);
+                    between((between(row(top, next_top), fx), between(row(bottom, next_bottom), fx)), fy)
+                };
+                T::store::<4>(two(0, vzip1q_f32(fx, fx), vzip1q_f32(fy, fy)), at);
+                T::store::<4>(two(2, vzip2q_f32(fx, fx), vzip2q_f32(fy, fy)), at.add(4));
+            }
+            return;
+        }
         // SAFETY: the cells are inside, and `cells` holds four. With three channels all but the last write a fourth sample too, where the
         // next cell is written after it.
         unsafe {
@@ -153,6 +166,13 @@ pub(in crate::kernels) fn bilinear_float<T: InFloat, P: Places<T>, const CHANNEL
 #[target_feature(enable = "neon")]
 fn between((a, b): (float32x4_t, float32x4_t), f: float32x4_t) -> float32x4_t {
     vaddq_f32(a, vmulq_f32(vsubq_f32(b, a), f))
+}
+
+/// The left and the right pixels of two cells of two channels, from the two pixels of each.
+#[inline]
+#[target_feature(enable = "neon")]
+fn lefts_and_rights(one: float32x4_t, other: float32x4_t) -> (float32x4_t, float32x4_t) {
+    (vcombine_f32(vget_low_f32(one), vget_low_f32(other)), vcombine_f32(vget_high_f32(one), vget_high_f32(other)))
 }
 
 /// One of four cells of 3 or 4 channels.
