@@ -27,6 +27,7 @@ pub use radial_polynomial::RadialPolynomial;
 pub(crate) use brown_conrady::Terms;
 pub(crate) use double_sphere::Spheres;
 pub(crate) use line::Line;
+pub(crate) use ocam::Radii;
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -38,10 +39,40 @@ pub(crate) trait Distort {
     /// The image of direction (x, y, z), of any length, on the plane that K takes to pixels; NaN outside the domain.
     fn distort(&self, x: f64, y: f64, z: f64) -> (f64, f64);
 
+    /// Whether [`Distort::draft`] leaves some answers open.
+    const DRAFTS: bool = false;
+
+    /// [`Distort::distort`] without branches or loops of unknown length, so that a loop over it becomes vectors. Where
+    /// it cannot tell, the first number is infinite, which no answer is.
+    #[inline(always)]
+    fn draft(&self, x: f64, y: f64, z: f64) -> (f64, f64) {
+        self.distort(x, y, z)
+    }
+
     /// For a model that begins with `(X / Z, Y / Z)`, what it makes of a straight line, in pixels.
     #[inline(always)]
     fn on_line(&self, _line: Line, _intrinsics: &Matrix3<f64>) -> Option<OnLine<impl Fn(f64) -> (f64, f64)>> {
         None::<OnLine<fn(f64) -> (f64, f64)>>
+    }
+}
+
+/// The images of many directions, to the last bit those of [`Distort::distort`]: first as vectors, then what that left open.
+#[inline(always)]
+pub(crate) fn distort_all<L: Distort>(lens: &L, direction: impl Fn(usize) -> [f64; 3], xs: &mut [f64], ys: &mut [f64]) {
+    let count = xs.len();
+    let ys = &mut ys[..count];
+    for i in 0..count {
+        let [x, y, z] = direction(i);
+        (xs[i], ys[i]) = lens.draft(x, y, z);
+    }
+    // all of them first: seldom is any open, and a loop without branches finds that out
+    if L::DRAFTS && xs.iter().fold(false, |open, &x| open | (x == f64::INFINITY)) {
+        for i in 0..count {
+            if xs[i] == f64::INFINITY {
+                let [x, y, z] = direction(i);
+                (xs[i], ys[i]) = lens.distort(x, y, z);
+            }
+        }
     }
 }
 
@@ -93,7 +124,7 @@ macro_rules! each_model {
 /// type: the models that branch by their parameters are split into ones that do not.
 macro_rules! each_distort {
     ($lens:expr, $model:ident: $Model:ident => $body:expr) => {{
-        use $crate::camera::lens::{Lens, Spheres, Terms};
+        use $crate::camera::lens::{Lens, Radii, Spheres, Terms};
         macro_rules! with {
             ($made:expr, $type:ty) => {{
                 type $Model = $type;
@@ -114,7 +145,8 @@ macro_rules! each_distort {
             Lens::DoubleSphere(lens) => with!(&Spheres::<false>(*lens), Spheres<false>),
             Lens::Eucm(lens) => with!(lens, $crate::camera::Eucm),
             Lens::RadialPolynomial(lens) => with!(lens, $crate::camera::RadialPolynomial),
-            Lens::Ocam(lens) => with!(lens, $crate::camera::Ocam),
+            Lens::Ocam(lens) if lens.polynomial().len() <= 5 => with!(&Radii::<5>(*lens), Radii<5>),
+            Lens::Ocam(lens) => with!(&Radii::<12>(*lens), Radii<12>),
         }
     }};
 }

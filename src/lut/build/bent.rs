@@ -5,7 +5,7 @@ use std::ops::Range;
 use nalgebra::{Matrix3, Vector3};
 
 use crate::camera::Lens;
-use crate::camera::lens::{Distort, Line, OnLine, each_distort};
+use crate::camera::lens::{Distort, Line, OnLine, distort_all, each_distort};
 use crate::cpu::{Isa, for_each_isa};
 use crate::error::Result;
 use crate::kernels::Row;
@@ -81,6 +81,14 @@ fn fill<L: Distort>(row: &BentRow<'_>, lens: &L, offsets: OffsetsOf<'_>, us: &mu
     let (fx, skew, cx, fy, cy) = (k[(0, 0)], k[(0, 1)], k[(0, 2)], k[(1, 1)], k[(1, 2)]);
     let cells = us.len();
     let (vs, xs, ys, zs) = (&mut vs[..cells], &offsets.x[..cells], &offsets.y[..cells], &offsets.z[..cells]);
+    if L::DRAFTS {
+        distort_all(lens, |i| [a.x + xs[i], a.y + ys[i], a.z + zs[i]], us, vs);
+        for i in 0..cells {
+            let (x, y) = (us[i], vs[i]);
+            (us[i], vs[i]) = (fx * x + skew * y + cx, fy * y + cy);
+        }
+        return;
+    }
     for i in 0..cells {
         let (x, y) = lens.distort(a.x + xs[i], a.y + ys[i], a.z + zs[i]);
         // as Pinhole::pixel

@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use crate::camera::Lens;
-use crate::camera::lens::{Distort, each_distort};
+use crate::camera::lens::{Distort, distort_all, each_distort};
 use crate::cpu::{Isa, for_each_isa};
 
 /// A row of points in the camera frame, `origin + across * y + up * z`: the row of a grid whose heights are given.
@@ -53,9 +53,21 @@ fn body<L: Distort>(row: &HeightsRow<'_>, lens: &L, ys: &[f64], zs: &[f64], us: 
     let (fx, skew, cx, fy, cy) = (k[(0, 0)], k[(0, 1)], k[(0, 2)], k[(1, 1)], k[(1, 2)]);
     let cells = ys.len();
     let (zs, us, vs) = (&zs[..cells], &mut us[..cells], &mut vs[..cells]);
-    for i in 0..cells {
+    let point = |i: usize| {
         let (y, z) = (ys[i], zs[i]);
-        let (mx, my) = lens.distort(o.x + a.x * y + b.x * z, o.y + a.y * y + b.y * z, o.z + a.z * y + b.z * z);
+        [o.x + a.x * y + b.x * z, o.y + a.y * y + b.y * z, o.z + a.z * y + b.z * z]
+    };
+    if L::DRAFTS {
+        distort_all(lens, point, us, vs);
+        for i in 0..cells {
+            let (mx, my) = (us[i], vs[i]);
+            (us[i], vs[i]) = (fx * mx + skew * my + cx, fy * my + cy);
+        }
+        return;
+    }
+    for i in 0..cells {
+        let [x, y, z] = point(i);
+        let (mx, my) = lens.distort(x, y, z);
         us[i] = fx * mx + skew * my + cx;
         vs[i] = fy * my + cy;
     }
