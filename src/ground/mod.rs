@@ -6,6 +6,7 @@ mod peaks;
 mod plane;
 mod ray;
 mod rows;
+mod sight;
 
 use std::sync::Arc;
 
@@ -14,6 +15,7 @@ use nalgebra::Vector3;
 pub use height_map::HeightMap;
 pub use plane::Plane;
 pub(crate) use rows::HeightRows;
+pub(crate) use sight::Sight;
 
 use crate::error::{Error, Result};
 

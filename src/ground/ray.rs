@@ -83,7 +83,11 @@ impl HeightMap {
 
     /// Whether the road stands between `eye` and a point on it, or is seen edge-on there. What is not known hides nothing.
     pub(crate) fn hides(&self, eye: &Vector3<f64>, point: &Vector3<f64>) -> bool {
-        let side = self.side(eye);
+        self.hides_on(self.side(eye), eye, point)
+    }
+
+    /// [`HeightMap::hides`] of an eye whose side is known.
+    pub(super) fn hides_on(&self, side: f64, eye: &Vector3<f64>, point: &Vector3<f64>) -> bool {
         let to_eye = eye - point;
         // where the line rises faster than any road, none comes up to it
         if side * to_eye.z > self.peaks().steepest * to_eye.x.hypot(to_eye.y) + EDGE_ON {
@@ -99,7 +103,7 @@ impl HeightMap {
     }
 
     /// 1 where an eye looks at the road from above, -1 from below.
-    fn side(&self, eye: &Vector3<f64>) -> f64 {
+    pub(super) fn side(&self, eye: &Vector3<f64>) -> f64 {
         let road = self.height_at(eye.x, eye.y);
         // beside the map it is above, unless it is below everything
         let below = if road.is_nan() { eye.z < self.range().0 } else { eye.z < road };

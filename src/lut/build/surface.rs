@@ -8,21 +8,21 @@ use super::heights::HeightsRow;
 use crate::camera::Camera;
 use crate::cpu::Isa;
 use crate::error::Result;
-use crate::ground::{HeightMap, HeightRows};
+use crate::ground::{HeightMap, HeightRows, Sight};
 use crate::view::buffer;
 
 /// A grid's rows as a camera sees them over a height map.
 pub(super) struct Surface<'a> {
     camera: &'a Camera,
-    map: &'a HeightMap,
     heights: HeightRows<'a>,
+    sight: Sight<'a>,
     ys: &'a [f64],
 }
 
 impl<'a> Surface<'a> {
     /// `ys` are those of the grid's columns.
     pub(super) fn new(camera: &'a Camera, map: &'a HeightMap, ys: &'a [f64]) -> Result<Self> {
-        Ok(Self { camera, map, heights: HeightRows::new(map, ys)?, ys })
+        Ok(Self { camera, heights: HeightRows::new(map, ys)?, sight: Sight::new(map, camera.position())?, ys })
     }
 
     /// Writes the pixel of each road point of the row at `x`; NaN where it has none, where the road is not known, and
@@ -52,10 +52,12 @@ impl<'a> Surface<'a> {
     /// Takes the pixel from the points that are hidden. Only those with a pixel in the image or its halo are asked.
     fn hide(&self, x: f64, zs: &[f64], us: &mut [f64], vs: &mut [f64]) {
         let (width, height) = self.camera.image_size();
-        let eye = self.camera.position();
+        if self.sight.sees_all() {
+            return;
+        }
         for (((&y, &z), u), v) in self.ys.iter().zip(zs).zip(us).zip(vs) {
             let seen = *u > -1.0 && *u < f64::from(width) && *v > -1.0 && *v < f64::from(height);
-            if seen && self.map.hides(&eye, &Vector3::new(x, y, z)) {
+            if seen && self.sight.hides(&Vector3::new(x, y, z)) {
                 (*u, *v) = (f64::NAN, f64::NAN);
             }
         }
