@@ -85,6 +85,10 @@ impl<R> Default for Work<R> {
     }
 }
 
+/// Records behind those of the cells, for points that have no cell: what they collect is nobody's. With one record for all
+/// of them they would wait for each other, 6 ns each.
+pub(super) const SPARE: usize = 64;
+
 /// So many equal items.
 fn refill<E: Copy>(items: &mut Vec<E>, count: usize, item: E) -> Result<()> {
     items.clear();
@@ -163,7 +167,7 @@ impl<'a, T: PointSample, R: Record<T>> Cells<'a, T, R> {
     /// that will use it.
     pub(super) fn begin(&mut self, work: Work<R>) -> Result<()> {
         self.work = work;
-        refill(&mut self.work.records, self.cells.saturating_mul(self.channels), R::EMPTY)?;
+        refill(&mut self.work.records, self.cells.saturating_mul(self.channels).saturating_add(SPARE), R::EMPTY)?;
         if let Some(top) = &mut self.top {
             top.fill(T::NAN);
             refill(&mut self.work.heights, self.cells, f64::NAN)?;
@@ -207,6 +211,22 @@ impl<'a, T: PointSample, R: Record<T>> Cells<'a, T, R> {
             for (channel, values) in values.clone().enumerate() {
                 top[key as usize * channels + channel] = values[i];
             }
+        }
+    }
+
+    /// Adds points that carry nothing but their z, one channel: `keys` are their cells, or [`SPARE`] records behind all
+    /// cells.
+    ///
+    /// A record comes from memory; asked for 32 points before it is needed, it is there.
+    #[inline]
+    pub(super) fn add_plain(&mut self, keys: &[u32], heights: &[f64]) {
+        const POINTS_AHEAD: usize = 32;
+        let records = &mut self.work.records[..];
+        for (i, (&key, &z)) in keys.iter().zip(heights).enumerate() {
+            if let Some(&next) = keys.get(i + POINTS_AHEAD) {
+                prefetch(records, next as usize);
+            }
+            records[key as usize].add(T::from_f64(z));
         }
     }
 

@@ -237,7 +237,14 @@ fn whole<T: PointSample, R: Record<T>>(
     let count = source.points.rows();
     for first in (0..count).step_by(BLOCK) {
         check_interrupt()?;
-        census += block.read(source, finder, isa, first, BLOCK.min(count - first));
+        let points = BLOCK.min(count - first);
+        if block.is_plain(source) {
+            census += block.find(source, finder, isa, first, points);
+            let (keys, heights) = block.plain(cells.len());
+            cells.add_plain(keys, heights);
+            continue;
+        }
+        census += block.read(source, finder, isa, first, points);
         cells.add::<true>(&block.keys, block.values.iter().map(Vec::as_slice), &block.heights);
     }
     cells.finish(isa);

@@ -1,6 +1,7 @@
 //! From points to blocks: which cell each point falls into, and the values of those that have one.
 
 use super::kernels::{Finder, NOWHERE, Unpack};
+use super::layers::SPARE;
 use super::{Census, MAX_POINTS, RasterOptions, Reduce, WHAT};
 use crate::cpu::{Isa, run};
 use crate::error::{Error, Result};
@@ -178,6 +179,17 @@ impl<T: PointSample> Block<T> {
         self.count = count;
         let (inside, ignored) = finder.keys(isa, [x, y, z], &mut self.all_keys[..count]);
         Census { inside, ignored }
+    }
+
+    /// The keys and heights of what the last [`Block::find`] found; keys of points without a cell are among `spare` and the
+    /// [`SPARE`] - 1 after it.
+    pub(super) fn plain(&mut self, spare: usize) -> (&[u32], &[f64]) {
+        let (keys, spare) = (&mut self.all_keys[..self.count], spare as u32);
+        for (i, key) in keys.iter_mut().enumerate() {
+            let own = spare + (i % SPARE) as u32;
+            *key = if *key == NOWHERE { own } else { *key };
+        }
+        (keys, &self.coordinates[2][..self.count])
     }
 
     /// What the last [`Block::find`] found: the cell of each point, [`NOWHERE`] where it has none, and its z.
