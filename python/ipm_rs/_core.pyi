@@ -1876,6 +1876,7 @@ def points_from_depth(
     max_depth: float | None = None,
     frame: Literal["camera", "flu", "vehicle"] | ArrayLike = "camera",
     *,
+    order: Literal["bgra", "rgba", "bgr", "rgb"] | None = None,
     min_depth: float | None = None,
     kind: Literal["z", "ray"] = "z",
     depth_scale: float | None = None,
@@ -1897,12 +1898,15 @@ def points_from_depth(
     `min_depth`, farther than `max_depth`, where `mask` is False, or where the lens sees nothing.
 
     Args:
-        depth: (H, W) float32 or float64, or uint16 with `depth_scale`; any row stride.
+        depth: (H, W) float32 or float64, or uint16 with `depth_scale`; or with `order` a colour-coded image of CARLA's,
+            (H, W, 4 or 3) uint8. Any row stride.
         K: a `Camera` with any lens, its `image_size` that of `depth`; its `PixelRays`, for many images behind one
             lens; or the (3, 3) matrix K of a pinhole. A K whose principal point is counted from the corner (CARLA's
             w / 2) loses 0.5 first.
         max_depth: metres, as `depth` measures; what is exactly there is kept.
-        min_depth: likewise.
+        order: the channels of CARLA's image, "bgra" as its buffers are, "rgba", "bgr" or "rgb": the points of
+            `points_from_depth(decode_carla_depth(depth, order=order), ...)`, bit for bit, in one pass.
+        min_depth: as `max_depth`.
         frame: "camera" (optical: x right, y down, z forward), "flu" (the same camera as x forward, y left, z up),
             "vehicle" (with the pose of a `Camera`), or a (4, 4) pose `dst_from_camera` of a world or another sensor,
             the camera's frame being the optical one.
@@ -1937,6 +1941,7 @@ def points_from_depth(
     max_depth: float | None = None,
     frame: Literal["camera", "flu", "vehicle"] | ArrayLike = "camera",
     *,
+    order: Literal["bgra", "rgba", "bgr", "rgb"] | None = None,
     min_depth: float | None = None,
     kind: Literal["z", "ray"] = "z",
     depth_scale: float | None = None,
@@ -1955,6 +1960,7 @@ def points_from_depth(
     max_depth: float | None = None,
     frame: Literal["camera", "flu", "vehicle"] | ArrayLike = "camera",
     *,
+    order: Literal["bgra", "rgba", "bgr", "rgb"] | None = None,
     min_depth: float | None = None,
     kind: Literal["z", "ray"] = "z",
     depth_scale: float | None = None,
@@ -1973,6 +1979,7 @@ def points_from_depth(
     max_depth: float | None = None,
     frame: Literal["camera", "flu", "vehicle"] | ArrayLike = "camera",
     *,
+    order: Literal["bgra", "rgba", "bgr", "rgb"] | None = None,
     min_depth: float | None = None,
     kind: Literal["z", "ray"] = "z",
     depth_scale: float | None = None,

@@ -2,7 +2,7 @@
 
 use nalgebra::Matrix3;
 
-use super::kernels::{self, PinholeRays, Planar, PointsRow, Rotate, Unit};
+use super::kernels::{self, PinholePoints, PinholeRays, Planar, PointsRow, Rotate, Unit};
 use super::rays::{self, PixelRays, Viewpoint};
 use crate::camera::Camera;
 use crate::cpu::Isa;
@@ -65,6 +65,39 @@ impl DepthOptions {
     }
 }
 
+/// A depth image, row by row: an [`ImageView`] of one channel, or what becomes one on the way, as
+/// [`CarlaDepth`](super::CarlaDepth).
+pub trait DepthRows: Sync {
+    /// What it measures in.
+    type Sample: DepthSample;
+
+    /// (width, height).
+    fn size(&self) -> (usize, usize);
+
+    /// Numbers of a pixel; only one will do.
+    fn channels(&self) -> usize;
+
+    /// The numbers of row y; `room` has as many, and may be used for them.
+    fn row<'r>(&'r self, isa: Isa, y: usize, room: &'r mut [Self::Sample]) -> &'r [Self::Sample];
+}
+
+impl<T: DepthSample> DepthRows for ImageView<'_, T> {
+    type Sample = T;
+
+    fn size(&self) -> (usize, usize) {
+        (self.width(), self.height())
+    }
+
+    fn channels(&self) -> usize {
+        ImageView::channels(self)
+    }
+
+    fn row<'r>(&'r self, _: Isa, y: usize, _: &'r mut [T]) -> &'r [T] {
+        let start = self.row_start(y);
+        &self.data()[start..start + self.width()]
+    }
+}
+
 /// (width, height) of the points of a depth image of that size.
 pub fn points_size((width, height): (usize, usize), stride: usize) -> (usize, usize) {
     (width.div_ceil(stride.max(1)), height.div_ceil(stride.max(1)))
@@ -77,8 +110,8 @@ pub fn points_size((width, height): (usize, usize), stride: usize) -> (usize, us
 /// # Errors
 /// [`Error::DepthLimit`], [`Error::DepthSize`], [`Error::DepthChannels`], [`Error::TooManyPoints`],
 /// [`Error::OutputShape`], [`Error::Threads`], [`Error::Isa`] and [`Error::OutOfMemory`], before anything is written.
-pub fn points_from_depth_into<'a, T: DepthSample, O: PointSample>(
-    depth: &ImageView<'_, T>,
+pub fn points_from_depth_into<'a, D: DepthRows, O: PointSample>(
+    depth: &D,
     viewpoint: impl Into<Viewpoint<'a>>,
     frame_from_camera: &Pose,
     mask: Option<&ImageView<'_, u8>>,
@@ -113,8 +146,8 @@ pub struct DepthCloud<O> {
 ///
 /// # Errors
 /// Those of [`points_from_depth_into`].
-pub fn cloud_from_depth<'a, T: DepthSample, O: PointSample>(
-    depth: &ImageView<'_, T>,
+pub fn cloud_from_depth<'a, D: DepthRows, O: PointSample>(
+    depth: &D,
     viewpoint: impl Into<Viewpoint<'a>>,
     frame_from_camera: &Pose,
     mask: Option<&ImageView<'_, u8>>,
@@ -151,8 +184,8 @@ pub fn cloud_from_depth<'a, T: DepthSample, O: PointSample>(
 }
 
 /// A depth image with all that turns it into points, checked.
-struct Job<'a, T> {
-    depth: &'a ImageView<'a, T>,
+struct Job<'a, D> {
+    depth: &'a D,
     camera: &'a Camera,
     table: Option<&'a PixelRays>,
     mask: Option<&'a ImageView<'a, u8>>,
@@ -170,13 +203,17 @@ struct Job<'a, T> {
 /// What a row is worked out in.
 struct Row<T> {
     rays: [Vec<f64>; 3],
-    /// Every `stride`-th number of the depth image's row, where that is not every one.
+    /// x of the rays with z = 1, if it is the same in all rows; else empty.
+    columns: Vec<f64>,
+    /// Room for a row of the depth image.
+    whole: Vec<T>,
+    /// Every `stride`-th number of it, where that is not every one.
     depth: Vec<T>,
 }
 
-impl<'a, T: DepthSample> Job<'a, T> {
+impl<'a, D: DepthRows> Job<'a, D> {
     fn new(
-        depth: &'a ImageView<'a, T>,
+        depth: &'a D,
         Viewpoint { camera, rays }: Viewpoint<'a>,
         frame_from_camera: &Pose,
         mask: Option<&'a ImageView<'a, u8>>,
@@ -188,7 +225,7 @@ impl<'a, T: DepthSample> Job<'a, T> {
                 return Err(Error::DepthChannels { expected: 1, got: channels });
             }
         }
-        let got = (depth.width(), depth.height());
+        let got = depth.size();
         let expected = (camera.image_size().0 as usize, camera.image_size().1 as usize);
         if got != expected {
             return Err(Error::DepthSize { expected, got });
@@ -211,32 +248,57 @@ impl<'a, T: DepthSample> Job<'a, T> {
             rotation: (rotation != &Matrix3::identity()).then(|| super::rows(rotation)),
             origin: (*frame_from_camera.translation()).into(),
             isa: Isa::active()?,
-            threads: super::threads_for(options.threads, depth.width() * depth.height() * 16)?,
+            threads: super::threads_for(options.threads, got.0 * got.1 * 16)?,
             size,
         })
     }
 
-    fn row(&self) -> Result<Row<T>> {
+    fn row(&self) -> Result<Row<D::Sample>> {
         let axis = || buffer::zeroed("points", self.size.0);
-        Ok(Row { rays: [axis()?, axis()?, axis()?], depth: buffer::reserved("points", self.size.0)? })
+        let mut row = Row {
+            rays: [axis()?, axis()?, axis()?],
+            columns: Vec::new(),
+            whole: buffer::zeroed("points", self.depth.size().0)?,
+            depth: buffer::reserved("points", self.size.0)?,
+        };
+        let intrinsics = super::intrinsics(self.camera);
+        let plain = self.table.is_none() && self.camera.lens().is_none() && self.options.kind == DepthKind::Planar;
+        if plain && intrinsics[4] == 0.0 {
+            // without skew the row makes no difference to x
+            self.pinhole_rays(0, &mut row.rays);
+            std::mem::swap(&mut row.columns, &mut row.rays[0]);
+        }
+        Ok(row)
+    }
+
+    /// The rays of a pinhole with z = 1.
+    fn pinhole_rays(&self, y: usize, rays: &mut [Vec<f64>; 3]) {
+        let (columns, row) = ((0.0, self.options.stride as f64), y as f64);
+        let intrinsics = super::intrinsics(self.camera);
+        kernels::run(self.isa, PinholeRays { columns, row, intrinsics, rays: slices(rays) });
     }
 
     /// Fills `out` with the points of row y of the result.
-    fn points<O: PointSample>(&self, y: usize, row: &mut Row<T>, out: &mut [O]) {
+    fn points<O: PointSample>(&self, y: usize, row: &mut Row<D::Sample>, out: &mut [O]) {
         let stride = self.options.stride;
-        self.rays(y * stride, &mut row.rays);
-        let start = self.depth.row_start(y * stride);
-        let samples = &self.depth.data()[start..start + self.depth.width()];
-        let samples = if stride == 1 {
+        let samples = self.depth.row(self.isa, y * stride, &mut row.whole);
+        let depth = if stride == 1 {
             samples
         } else {
             row.depth.clear();
             row.depth.extend(samples.iter().step_by(stride));
             &row.depth
         };
-        let [xs, ys, zs] = &row.rays;
         let (scale, limits, origin) = (self.options.scale, self.limits, self.origin);
-        kernels::run(self.isa, PointsRow { depth: samples, scale, limits, rays: [xs, ys, zs], origin, out });
+        if row.columns.is_empty() {
+            self.rays(y * stride, &mut row.rays);
+            let [xs, ys, zs] = &row.rays;
+            kernels::run(self.isa, PointsRow { depth, scale, limits, rays: [xs, ys, zs], origin, out });
+        } else {
+            let [_, fy, _, cy, _] = super::intrinsics(self.camera);
+            let (columns, y, rotation) = (&row.columns[..], ((y * stride) as f64 - cy) / fy, self.rotation);
+            kernels::run(self.isa, PinholePoints { depth, scale, limits, columns, y, rotation, origin, out });
+        }
         let Some(mask) = self.mask else { return };
         let start = mask.row_start(y * stride);
         let mask = mask.data()[start..start + mask.width()].iter().step_by(stride);
@@ -253,11 +315,7 @@ impl<'a, T: DepthSample> Job<'a, T> {
         match (self.table, self.camera.lens()) {
             (Some(table), _) => table.copy_row(y, stride, slices(rays)),
             (None, Some(_)) => rays::fill(self.camera, y, stride, slices(rays)),
-            (None, None) => {
-                let (columns, row) = ((0.0, stride as f64), y as f64);
-                let intrinsics = super::intrinsics(self.camera);
-                kernels::run(self.isa, PinholeRays { columns, row, intrinsics, rays: slices(rays) });
-            }
+            (None, None) => self.pinhole_rays(y, rays),
         }
         match self.options.kind {
             DepthKind::Ray => kernels::run(self.isa, Unit(slices(rays))),
@@ -278,7 +336,7 @@ impl<'a, T: DepthSample> Job<'a, T> {
         let mut count = 0;
         for y in first..first + points.len() / width {
             self.points(y, &mut row, organised.as_flattened_mut());
-            let start = (y * stride * self.depth.width()) as i64;
+            let start = (y * stride * self.depth.size().0) as i64;
             // without a branch: which pixels have a point is hard to guess where depth is noise
             for (x, &point) in organised.iter().enumerate() {
                 points[count] = point;

@@ -3,6 +3,7 @@
 //! `normalized = (R + 256 G + 65536 B) / (256^3 - 1)`, `metres = 1000 normalized`: planar depth (z of the camera), in
 //! steps of 0.06 mm. Source: CARLA's documentation of the depth camera.
 
+use super::back_project::DepthRows;
 use super::kernels::{self, Decode, Encode};
 use crate::cpu::Isa;
 use crate::error::{Error, Result};
@@ -91,22 +92,63 @@ pub fn decode_carla_depth_into(
         return Err(Error::OutputShape { expected, got: out.shape() });
     }
     let (isa, threads) = (Isa::active()?, super::threads_for(threads, image.width() * image.height() * 8)?);
-    let scale = unit.largest() / LARGEST;
-    let samples = image.width() * image.channels();
     let band = parallel::rows_per_band(image.height(), image.width(), threads);
     parallel::for_each(threads, out.bands(band), |(first, rows)| {
         for (y, out) in (first..).zip(rows) {
-            let start = image.row_start(y);
-            let pixels = &image.data()[start..start + samples];
-            match order {
-                ChannelOrder::Bgra => kernels::run(isa, Decode::<4, false> { pixels, scale, out }),
-                ChannelOrder::Rgba => kernels::run(isa, Decode::<4, true> { pixels, scale, out }),
-                ChannelOrder::Bgr => kernels::run(isa, Decode::<3, false> { pixels, scale, out }),
-                ChannelOrder::Rgb => kernels::run(isa, Decode::<3, true> { pixels, scale, out }),
-            }
+            decode_row(isa, image, order, unit, y, out);
         }
         Ok(())
     })
+}
+
+/// Decodes row y.
+fn decode_row(isa: Isa, image: &ImageView<'_, u8>, order: ChannelOrder, unit: DepthUnit, y: usize, out: &mut [f32]) {
+    let (scale, start) = (unit.largest() / LARGEST, image.row_start(y));
+    let pixels = &image.data()[start..start + image.width() * image.channels()];
+    match order {
+        ChannelOrder::Bgra => kernels::run(isa, Decode::<4, false> { pixels, scale, out }),
+        ChannelOrder::Rgba => kernels::run(isa, Decode::<4, true> { pixels, scale, out }),
+        ChannelOrder::Bgr => kernels::run(isa, Decode::<3, false> { pixels, scale, out }),
+        ChannelOrder::Rgb => kernels::run(isa, Decode::<3, true> { pixels, scale, out }),
+    }
+}
+
+/// A colour-coded image as depth in metres, decoded row by row where it is used: what [`decode_carla_depth_into`] gives, to the
+/// bit, and nothing of it is stored.
+#[derive(Debug, Clone, Copy)]
+pub struct CarlaDepth<'a> {
+    image: &'a ImageView<'a, u8>,
+    order: ChannelOrder,
+}
+
+impl<'a> CarlaDepth<'a> {
+    /// An image of 3 or 4 channels.
+    ///
+    /// # Errors
+    /// [`Error::DepthChannels`].
+    pub fn new(image: &'a ImageView<'a, u8>, order: ChannelOrder) -> Result<Self> {
+        if image.channels() != order.channels() {
+            return Err(Error::DepthChannels { expected: order.channels(), got: image.channels() });
+        }
+        Ok(Self { image, order })
+    }
+}
+
+impl DepthRows for CarlaDepth<'_> {
+    type Sample = f32;
+
+    fn size(&self) -> (usize, usize) {
+        (self.image.width(), self.image.height())
+    }
+
+    fn channels(&self) -> usize {
+        1 // once decoded
+    }
+
+    fn row<'r>(&'r self, isa: Isa, y: usize, room: &'r mut [f32]) -> &'r [f32] {
+        decode_row(isa, self.image, self.order, DepthUnit::Metres, y, room);
+        room
+    }
 }
 
 /// Encodes depth as a colour image, alpha 255: the nearest code, and the largest one for all that is farther than it

@@ -8,9 +8,9 @@ mod project;
 mod rays;
 mod render;
 
-pub use back_project::{DepthCloud, DepthKind, DepthOptions, cloud_from_depth};
+pub use back_project::{DepthCloud, DepthKind, DepthOptions, DepthRows, cloud_from_depth};
 pub use back_project::{points_from_depth_into, points_size};
-pub use carla::{ChannelOrder, DepthUnit, decode_carla_depth_into, encode_carla_depth_into};
+pub use carla::{CarlaDepth, ChannelOrder, DepthUnit, decode_carla_depth_into, encode_carla_depth_into};
 pub use compat::{LidarPoints, carla_084_points, depth_to_lidar};
 pub use project::{Projections, project_into};
 pub use rays::{PixelRays, Viewpoint};

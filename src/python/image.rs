@@ -295,8 +295,8 @@ impl<'py> Output<'py> {
     }
 
     /// What the call returns: what was given, or the array that was made in its place.
-    pub(super) fn given_or(self, new: ImageArray<'py>) -> Bound<'py, PyAny> {
-        self.given.map_or_else(|| new.array.into_any(), |(object, _)| object)
+    pub(super) fn given_or(&self, new: ImageArray<'py>) -> Bound<'py, PyAny> {
+        self.given.as_ref().map_or_else(|| new.array.into_any(), |(object, _)| object.clone())
     }
 }
 

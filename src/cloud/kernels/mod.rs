@@ -6,7 +6,7 @@ mod points;
 mod project;
 
 pub(super) use decode::{Decode, Encode};
-pub(super) use points::{PinholeRays, Planar, PointsRow, Rotate, Unit};
+pub(super) use points::{PinholePoints, PinholeRays, Planar, PointsRow, Rotate, Unit};
 pub(super) use project::{ProjectLens, ProjectPinhole};
 
 pub(super) use crate::cpu::{Body, run};

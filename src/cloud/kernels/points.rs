@@ -69,19 +69,81 @@ impl<T: DepthSample, O: PointSample> Body for PointsRow<'_, T, O> {
 
     #[inline(always)]
     fn run(self) {
-        let Self { depth, scale, limits: (nearest, farthest), rays: [xs, ys, zs], origin, out } = self;
-        let out = out.as_chunks_mut::<3>().0;
+        let Self { depth, scale, limits, rays: [xs, ys, zs], origin, out } = self;
         let count = depth.len();
-        let (xs, ys, zs, out) = (&xs[..count], &ys[..count], &zs[..count], &mut out[..count]);
+        let (xs, ys, zs) = (&xs[..count], &ys[..count], &zs[..count]);
+        fill(depth, scale, limits, |i| [xs[i], ys[i], zs[i]], origin, out);
+    }
+}
+
+/// [`PointsRow`] of planar depth through a pinhole: of the rays and their rotation only what changes along the row is worked
+/// out, in the order of [`PinholeRays`] and [`Rotate`], so that no bit changes.
+pub(in crate::cloud) struct PinholePoints<'a, T, O> {
+    pub(in crate::cloud) depth: &'a [T],
+    /// As for [`PointsRow`], and likewise the limits.
+    pub(in crate::cloud) scale: f64,
+    pub(in crate::cloud) limits: (f64, f64),
+    /// x of the rays with z = 1.
+    pub(in crate::cloud) columns: &'a [f64],
+    /// Their y.
+    pub(in crate::cloud) y: f64,
+    /// None for the optical frame.
+    pub(in crate::cloud) rotation: Option<[[f64; 3]; 3]>,
+    pub(in crate::cloud) origin: [f64; 3],
+    /// x, y, z of each point.
+    pub(in crate::cloud) out: &'a mut [O],
+}
+
+impl<T: DepthSample, O: PointSample> Body for PinholePoints<'_, T, O> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Self { depth, scale, limits, columns, y, rotation, origin, out } = self;
+        let columns = &columns[..depth.len()];
+        match rotation {
+            None => fill(depth, scale, limits, |i| [columns[i], y, 1.0], origin, out),
+            Some([a, b, c]) => {
+                let down = [a[1] * y, b[1] * y, c[1] * y];
+                let ray = |i: usize| {
+                    let x = columns[i];
+                    [a[0] * x + down[0] + a[2], b[0] * x + down[1] + b[2], c[0] * x + down[2] + c[2]]
+                };
+                fill(depth, scale, limits, ray, origin, out);
+            }
+        }
+    }
+}
+
+/// Points of a row whose i-th ray is `ray(i)`.
+///
+/// Each axis goes to an array of its own first, of so many points at a time: of loops that write three numbers to each
+/// point and do sums in float64 as well, the compiler makes no vectors.
+#[inline(always)]
+fn fill<T: DepthSample, O: PointSample>(
+    depth: &[T],
+    scale: f64,
+    (nearest, farthest): (f64, f64),
+    ray: impl Fn(usize) -> [f64; 3],
+    origin: [f64; 3],
+    out: &mut [O],
+) {
+    const BLOCK: usize = 128;
+    let out = &mut out.as_chunks_mut::<3>().0[..depth.len()];
+    let [mut xs, mut ys, mut zs] = [[O::default(); BLOCK]; 3];
+    for (block, (depth, out)) in depth.chunks(BLOCK).zip(out.chunks_mut(BLOCK)).enumerate() {
+        let count = depth.len();
         for i in 0..count {
             let metres = depth[i].to_f64() * scale;
             let kept = (metres > 0.0) & (metres >= nearest) & (metres <= farthest);
             let metres = if kept { metres } else { f64::NAN };
-            out[i] = [
-                O::from_f64(xs[i] * metres + origin[0]),
-                O::from_f64(ys[i] * metres + origin[1]),
-                O::from_f64(zs[i] * metres + origin[2]),
-            ];
+            let [x, y, z] = ray(block * BLOCK + i);
+            xs[i] = O::from_f64(x * metres + origin[0]);
+            ys[i] = O::from_f64(y * metres + origin[1]);
+            zs[i] = O::from_f64(z * metres + origin[2]);
+        }
+        for (i, point) in out.iter_mut().enumerate() {
+            *point = [xs[i], ys[i], zs[i]];
         }
     }
 }

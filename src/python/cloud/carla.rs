@@ -3,11 +3,10 @@
 use numpy::{PyArrayDescrMethods, dtype};
 use pyo3::prelude::*;
 
-use super::options::{depth_image, named_order, order_of_channels, wrong_dtype};
+use super::options::{colour_coded, depth_image, named_order, wrong_dtype};
 use crate::cloud::{ChannelOrder, DepthUnit, decode_carla_depth_into, encode_carla_depth_into};
-use crate::python::convert::{flag, tuple_text};
+use crate::python::convert::flag;
 use crate::python::detached;
-use crate::python::error::classes::ImageError;
 use crate::python::image::{ImageArray, Output};
 use crate::python::layout::Layout;
 use crate::python::options::thread_count;
@@ -39,17 +38,9 @@ pub(in crate::python) fn decode_carla_depth<'py>(
     let unit = unit(normalized)?;
     let threads = threads.map(|threads| thread_count("threads", threads)).transpose()?;
     let out = Output::new(out)?;
-    let image = ImageArray::new("image", shared::array("image", image, false)?, Layout::Hwc)?;
-    if !(image.dtype().kind() == b'u' && image.dtype().itemsize() == 1) {
-        return Err(wrong_dtype("image", "uint8", image.dtype(), "the code is three bytes, so read the file as 8-bit"));
-    }
-    let &[rows, columns, channels @ (3 | 4)] = image.shape() else {
-        let got = tuple_text(image.shape());
-        let message = format!("image: expected shape (H, W, 4) or (H, W, 3) of colour-coded depth, got {got}");
-        return Err(ImageError::new_err(message));
-    };
-    let order = order_of_channels(named_order, channels)?;
-    let (shape, float32) = ([rows, columns], dtype::<f32>(py));
+    let (image, order) = colour_coded("image", shared::array("image", image, false)?, named_order)?;
+    let (width, height) = image.size();
+    let (shape, float32) = ([height, width], dtype::<f32>(py));
     let read = image.read()?;
     let views = read.views::<u8>()?;
     let written = match out.array() {

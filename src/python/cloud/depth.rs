@@ -5,9 +5,12 @@ use pyo3::prelude::*;
 use pyo3::types::{PyList, PyTuple};
 
 use super::gather;
-use super::options::{self, View, Viewer, depth_image, mask_image, wrong_dtype};
+use super::options::{self, View, Viewer, colour_coded, depth_image, mask_image, wrong_dtype};
 use crate::ImageView;
-use crate::cloud::{DepthOptions, check_points, cloud_from_depth, points_from_depth_into, points_size};
+use crate::cloud::{
+    CarlaDepth, ChannelOrder, DepthOptions, DepthRows, check_points, cloud_from_depth, points_from_depth_into,
+    points_size,
+};
 use crate::geometry::Pose;
 use crate::python::convert::{flag, float, text_of, tuple_text, whole};
 use crate::python::detached;
@@ -23,10 +26,10 @@ use crate::view::{DepthSample, PointSample};
 #[pyfunction]
 #[pyo3(
     signature = (
-        depth, K, max_depth = None, frame = None, *, min_depth = None, kind = None, depth_scale = None,
+        depth, K, max_depth = None, frame = None, *, order = None, min_depth = None, kind = None, depth_scale = None,
         stride = None, mask = None, compact = None, values = None, dtype = None, out = None, threads = None
     ),
-    text_signature = "(depth, K, max_depth=None, frame='camera', *, min_depth=None, kind='z', depth_scale=None, stride=1, mask=None, compact=False, values=None, dtype='float32', out=None, threads=None)"
+    text_signature = "(depth, K, max_depth=None, frame='camera', *, order=None, min_depth=None, kind='z', depth_scale=None, stride=1, mask=None, compact=False, values=None, dtype='float32', out=None, threads=None)"
 )]
 #[expect(clippy::too_many_arguments, reason = "mostly keyword-only, each with one meaning")]
 #[expect(non_snake_case, reason = "K is its name in Python")]
@@ -35,6 +38,7 @@ pub(in crate::python) fn points_from_depth<'py>(
     K: &Bound<'py, PyAny>,
     max_depth: Option<&Bound<'py, PyAny>>,
     frame: Option<&Bound<'py, PyAny>>,
+    order: Option<&Bound<'py, PyAny>>,
     min_depth: Option<&Bound<'py, PyAny>>,
     kind: Option<&Bound<'py, PyAny>>,
     depth_scale: Option<&Bound<'py, PyAny>>,
@@ -48,6 +52,7 @@ pub(in crate::python) fn points_from_depth<'py>(
 ) -> PyResult<Bound<'py, PyAny>> {
     let viewer = Viewer::new(K)?;
     let frame_from_camera = options::frame(frame, &viewer)?;
+    let order = order.filter(|order| !order.is_none()).map(options::named_order).transpose()?;
     let (min_depth, max_depth) = options::depth_limits(min_depth, max_depth)?;
     let depth_scale = depth_scale.filter(|scale| !scale.is_none()).map(|scale| float("depth_scale", scale));
     let depth_scale = depth_scale.transpose()?;
@@ -64,7 +69,11 @@ pub(in crate::python) fn points_from_depth<'py>(
     let values = values.filter(|values| !values.is_none()).map(Attributes::new).transpose()?;
     let out = Output::new(out)?;
 
-    let depth = depth_image("depth", shared::array("depth", depth, false)?)?;
+    let depth = shared::array("depth", depth, false)?;
+    let depth = match order {
+        Some(order) => colour_coded("depth", depth, Some(order))?.0,
+        None => depth_image("depth", depth)?,
+    };
     if depth_scale.is_none() && depth.dtype().kind() == b'u' && depth.dtype().itemsize() == 2 {
         return Err(ArgumentError::new_err(
             "depth_scale: expected metres per unit with a uint16 depth image, got none; 0.001 for millimetres (RealSense, ScanNet), 1 / 5000 for TUM, 1 / 256 for KITTI",
@@ -83,6 +92,9 @@ pub(in crate::python) fn points_from_depth<'py>(
             "out: expected only without compact=True: how many points there are is known when they have been found",
         ));
     }
+    if let Some(order) = order {
+        return if double { call.run_carla::<f64>(order, compact) } else { call.run_carla::<f32>(order, compact) };
+    }
     match (call.depth.dtype().kind(), call.depth.dtype().itemsize(), double) {
         (b'u', 2, false) => call.run::<u16, f32>(compact),
         (b'u', 2, true) => call.run::<u16, f64>(compact),
@@ -92,7 +104,9 @@ pub(in crate::python) fn points_from_depth<'py>(
         (b'f', 8, true) => call.run::<f64, f64>(compact),
         _ => {
             let mend = match call.depth.dtype().itemsize() {
-                1 => "8 bits are a picture of depth, not depth: use the file that it was made from",
+                1 => {
+                    "8 bits are a picture of depth, not depth: use the file that it was made from, or order= if they are CARLA's code"
+                }
                 _ => "use depth.astype(numpy.float32)",
             };
             Err(wrong_dtype("depth", "uint16, float32 or float64", call.depth.dtype(), mend))
@@ -132,19 +146,37 @@ impl<'py> Call<'py> {
     fn run<T: DepthSample, O: PointSample + numpy::Element>(self, compact: bool) -> PyResult<Bound<'py, PyAny>> {
         let read = self.depth.read()?;
         let depth = read.views::<T>()?[0];
+        self.of::<_, O>(&depth, compact)
+    }
+
+    /// Of CARLA's colour-coded image.
+    fn run_carla<O: PointSample + numpy::Element>(
+        self,
+        order: ChannelOrder,
+        compact: bool,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let read = self.depth.read()?;
+        let image = read.views::<u8>()?[0];
+        self.of::<_, O>(&CarlaDepth::new(&image, order)?, compact)
+    }
+
+    fn of<D: DepthRows, O: PointSample + numpy::Element>(
+        &self,
+        depth: &D,
+        compact: bool,
+    ) -> PyResult<Bound<'py, PyAny>> {
         let mask_read = self.mask.as_ref().map(ImageArray::read).transpose()?;
         let mask = mask_read.as_ref().map(|read| read.views::<u8>()).transpose()?.map(|views| views[0]);
         if compact {
-            return self.compact::<T, O>(&depth, mask.as_ref());
+            return self.compact::<D, O>(depth, mask.as_ref());
         }
-        let written = self.organised::<T, O>(&depth, mask.as_ref())?;
-        drop((read, mask_read));
+        let written = self.organised::<D, O>(depth, mask.as_ref())?;
         Ok(self.out.given_or(written))
     }
 
-    fn organised<T: DepthSample, O: PointSample + numpy::Element>(
+    fn organised<D: DepthRows, O: PointSample + numpy::Element>(
         &self,
-        depth: &ImageView<'_, T>,
+        depth: &D,
         mask: Option<&ImageView<'_, u8>>,
     ) -> PyResult<ImageArray<'py>> {
         let py = self.depth.dtype().py();
@@ -169,16 +201,16 @@ impl<'py> Call<'py> {
         Ok(out)
     }
 
-    fn compact<T: DepthSample, O: PointSample + numpy::Element>(
+    fn compact<D: DepthRows, O: PointSample + numpy::Element>(
         &self,
-        depth: &ImageView<'_, T>,
+        depth: &D,
         mask: Option<&ImageView<'_, u8>>,
     ) -> PyResult<Bound<'py, PyAny>> {
         let py = self.depth.dtype().py();
         let attributes = self.values.as_ref();
         let images = attributes.map(|attributes| attributes.images(self.depth.size())).transpose()?;
         let (view, frame, options) = (self.view.viewpoint(), &self.frame_from_camera, &self.options);
-        let cloud = detached::run(py, || cloud_from_depth::<T, O>(depth, view, frame, mask, options))?;
+        let cloud = detached::run(py, || cloud_from_depth::<_, O>(depth, view, frame, mask, options))?;
         let values = attributes.zip(images).map(|(values, images)| values.gather(py, &images, &cloud.index));
         let values = values.transpose()?;
         let count = cloud.points.len();

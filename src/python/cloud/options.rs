@@ -24,7 +24,7 @@ pub(super) fn named_order(object: &Bound<'_, PyAny>) -> PyResult<ChannelOrder> {
 }
 
 /// The order of an image of so many channels; where nothing is said, `"bgra"` if there are four.
-pub(super) fn order_of_channels(named: Option<ChannelOrder>, channels: usize) -> PyResult<ChannelOrder> {
+fn order_of_channels(named: Option<ChannelOrder>, channels: usize) -> PyResult<ChannelOrder> {
     match named {
         None if channels == 4 => Ok(ChannelOrder::Bgra),
         None => Err(ArgumentError::new_err(
@@ -36,6 +36,25 @@ pub(super) fn order_of_channels(named: Option<ChannelOrder>, channels: usize) ->
         ))),
         Some(order) => Ok(order),
     }
+}
+
+/// A colour-coded depth image, (H, W, 4) or (H, W, 3) of uint8, and the order of its channels.
+pub(super) fn colour_coded<'py>(
+    name: &str,
+    array: Bound<'py, PyUntypedArray>,
+    named: Option<ChannelOrder>,
+) -> PyResult<(ImageArray<'py>, ChannelOrder)> {
+    let image = ImageArray::new(name, array, Layout::Hwc)?;
+    if !(image.dtype().kind() == b'u' && image.dtype().itemsize() == 1) {
+        return Err(wrong_dtype(name, "uint8", image.dtype(), "the code is three bytes, so read the file as 8-bit"));
+    }
+    let &[_, _, channels @ (3 | 4)] = image.shape() else {
+        let got = tuple_text(image.shape());
+        let message = format!("{name}: expected shape (H, W, 4) or (H, W, 3) of colour-coded depth, got {got}");
+        return Err(ImageError::new_err(message));
+    };
+    let order = order_of_channels(named, channels)?;
+    Ok((image, order))
 }
 
 /// `"z"` or `"ray"`.
@@ -139,7 +158,7 @@ pub(super) fn depth_image<'py>(name: &str, array: Bound<'py, PyUntypedArray>) ->
             tuple_text(shape),
             match shape {
                 [_, _, 1] => format!("; use {name}[..., 0]"),
-                _ => "; colour-coded depth is decoded first, as by decode_carla_depth".to_owned(),
+                _ => "; order= for CARLA's colour-coded depth, other codes are decoded first".to_owned(),
             }
         ))),
     }
