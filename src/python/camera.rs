@@ -9,11 +9,12 @@ use pyo3::types::{PyTuple, PyType};
 use super::arrays;
 use super::cloud;
 use super::convert::{Call, Floats, flag, float, floats, matrix_to_numpy, matrix3, matrix4, size, whole};
-use super::each::{each_projected, each_row};
+use super::each::{each_projected, each_row_into};
 use super::error::classes::CalibrationError;
 use super::ground::{given_road, only_ground, road};
 use super::lens::{hash_lens, lens as lens_model, lens_to_python};
 use super::options::thread_count;
+use super::outputs::Given;
 use super::points::PointsArray;
 use super::warnings::checked;
 use crate::geometry::Pose;
@@ -141,52 +142,67 @@ impl PyCamera {
     }
 
     #[doc = help!("Camera.project")]
-    #[pyo3(signature = (points, *, ground = None, threads = None))]
+    #[pyo3(signature = (points, *, ground = None, out = None, threads = None))]
     fn project<'py>(
         &self,
         points: &Bound<'py, PyAny>,
         ground: Option<&Bound<'py, PyAny>>,
+        out: Option<&Bound<'py, PyAny>>,
         threads: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<cloud::Projected<'py>> {
         let py = points.py();
         let threads = threads.map(|threads| thread_count("threads", threads)).transpose()?;
         let road = given_road(ground)?;
+        let out = cloud::ProjectedOut::optional(out)?;
         let expected = "an (N, 3), or (N, 2) on the ground,";
         let points = arrays::numbers("points", &format!("{expected} array"), points)?;
         let points = PointsArray::new("points", points, 2..=3, expected)?;
         let on_ground = points.columns() == 2;
         let ground = only_ground(road, on_ground)?;
+        let out = cloud::ProjectedArrays::new(py, points.len(), out, &[("points", points.array())])?;
         if !on_ground {
-            return cloud::project(py, &self.camera, &points, threads);
+            return cloud::project(py, &self.camera, &points, out, threads);
         }
         let floats = Floats::of("points", points.array())?;
         let rows = floats.rows::<2>("points")?;
-        each_projected(py, threads, rows, |&row| self.camera.project_ground(row, &ground))
+        each_projected(py, threads, rows, out, |&row| self.camera.project_ground(row, &ground))
     }
 
     #[doc = help!("Camera.unproject")]
-    fn unproject<'py>(&self, uv: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    #[pyo3(signature = (uv, *, out = None, threads = None))]
+    fn unproject<'py>(
+        &self,
+        uv: &Bound<'py, PyAny>,
+        out: Option<&Bound<'py, PyAny>>,
+        threads: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let threads = threads.map(|threads| thread_count("threads", threads)).transpose()?;
+        let out = Given::optional("out", out)?;
         let floats = Floats::new("uv", "an (N, 2) array", uv)?;
         let rows = floats.rows::<2>("uv")?;
-        each_row(uv.py(), None, rows, |&pixel| self.camera.unproject(pixel).map_or([f64::NAN; 3], Into::into))
+        each_row_into(uv.py(), threads, rows, ("uv", floats.array()), out, |&pixel| {
+            self.camera.unproject(pixel).map_or([f64::NAN; 3], Into::into)
+        })
     }
 
     #[doc = help!("Camera.ground_from_pixels")]
     #[pyo3(
-        signature = (uv, *, ground = None, threads = None),
-        text_signature = "(self, uv, *, ground=0.0, threads=None)"
+        signature = (uv, *, ground = None, out = None, threads = None),
+        text_signature = "(self, uv, *, ground=0.0, out=None, threads=None)"
     )]
     fn ground_from_pixels<'py>(
         &self,
         uv: &Bound<'py, PyAny>,
         ground: Option<&Bound<'py, PyAny>>,
+        out: Option<&Bound<'py, PyAny>>,
         threads: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    ) -> PyResult<Bound<'py, PyAny>> {
         let threads = threads.map(|threads| thread_count("threads", threads)).transpose()?;
         let ground = road(ground)?;
+        let out = Given::optional("out", out)?;
         let floats = Floats::new("uv", "an (N, 2) array", uv)?;
         let rows = floats.rows::<2>("uv")?;
-        each_row(uv.py(), threads, rows, |&pixel| {
+        each_row_into(uv.py(), threads, rows, ("uv", floats.array()), out, |&pixel| {
             self.camera.ground_from_pixel(pixel, &ground).map_or([f64::NAN; 3], Into::into)
         })
     }

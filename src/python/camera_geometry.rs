@@ -6,7 +6,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyTuple, PyType};
 
 use super::camera::PyCamera;
-use super::cloud::Projected;
+use super::cloud::{Projected, ProjectedArrays};
 use super::convert::{Call, Floats, flag, float, float_or_two, floats, rows_to_numpy, size, whole, word};
 use super::detached;
 use super::each::{WHAT, each_number, each_projected, each_row, map, numbers};
@@ -105,7 +105,8 @@ impl PyCamera {
         let (grid, ground) = (bev_grid(grid)?, road(ground)?);
         let floats = Floats::new("rc", "an (N, 2) array", rc)?;
         let rows = floats.rows::<2>("rc")?;
-        each_projected(rc.py(), None, rows, |&cell| self.camera.project_cell(cell, &grid.grid, &ground))
+        let out = ProjectedArrays::new(rc.py(), rows.len(), None, &[])?;
+        each_projected(rc.py(), None, rows, out, |&cell| self.camera.project_cell(cell, &grid.grid, &ground))
     }
 
     #[doc = help!("Camera.cells_from_pixels")]

@@ -53,6 +53,10 @@ impl<'py> Floats<'py> {
         self.array.shape()
     }
 
+    pub(super) fn array(&self) -> &Bound<'py, PyUntypedArray> {
+        self.array.as_untyped()
+    }
+
     pub(super) fn values(&self) -> &[f64] {
         self.array.as_slice().expect("`require` makes it aligned and C-contiguous")
     }

@@ -44,6 +44,7 @@ mod lens;
 mod lut;
 mod maps;
 mod options;
+mod outputs;
 mod points;
 mod raster;
 mod shapes;
