@@ -68,7 +68,7 @@ def _back_project() -> tuple[dict[str, Call], Callable[[Any], tuple[float, float
     rays = np.linalg.inv(K) @ np.stack([column.ravel(), row.ravel(), np.ones(row.size)])
 
     def ours() -> NDArray[np.float32]:
-        return ipm_rs.points_from_depth(ipm_rs.decode_carla_depth(image), K, max_depth=MAX_DEPTH)
+        return ipm_rs.points_from_depth(image, K, max_depth=MAX_DEPTH, order="bgra")
 
     def lean() -> NDArray[np.float32]:
         depth = image[..., :3].astype(np.float32) @ weights.astype(np.float32)

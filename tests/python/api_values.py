@@ -191,6 +191,9 @@ def _points_from_depth(v: Values) -> tuple[Callable[..., Any], Arguments]:
         "mask": v.image(dtypes="bool u1"),
         "dtype": v.rng.choice(["float32", "float64"]),
     }
+    if v.rng.random() < 0.3:
+        order = v.rng.choice(["bgra", "rgb"])
+        arguments |= {"depth": textured(HEIGHT, WIDTH, len(order)), "order": order}
     if v.rng.random() < 0.4:
         values = [v.image(3), v.image(dtypes="i8 bool")]
         return ipm_rs.points_from_depth, arguments | {"compact": True, "values": v.rng.choice([values, values[0]])}
@@ -254,6 +257,24 @@ def _write(v: Values) -> tuple[Callable[..., Any], Arguments]:
     }
 
 
+def _project(v: Values) -> tuple[Callable[..., Any], Arguments]:
+    points = v.points(v.rng.choice([2, 3]))
+    count = len(points)
+    arguments: Arguments = {"points": points, "out": (np.zeros((count, 2)), np.zeros(count), np.zeros(count, bool))}
+    if points.shape[1] == 2:
+        arguments["ground"] = v.rng.choice(ROADS)
+    return v.rng.choice(CAMERAS).project, arguments | {"threads": 2}
+
+
+def _rows_of_pixels(name: str, **more: P) -> Callable[[Values], tuple[Callable[..., Any], Arguments]]:
+    def make(v: Values) -> tuple[Callable[..., Any], Arguments]:
+        uv = PARAMETERS["uv"](v)
+        others = {key: value(v) for key, value in more.items()}
+        return getattr(v.rng.choice(CAMERAS), name), {"uv": uv, "out": np.zeros((len(uv), 3)), "threads": 1} | others
+
+    return make
+
+
 def _pickled(v: Values) -> tuple[Callable[..., Any], Arguments]:
     return pickle.loads, {"data": pickle.dumps(v.rng.choice(OBJECTS))}
 
@@ -273,6 +294,9 @@ RECIPES: dict[str, Callable[[Values], tuple[Callable[..., Any], Arguments]]] = {
     "HeightMap.on_grid": _on_grid,
     "pointfile.write": _write,
     "pointfile.read": _with(pointfile.read, lambda v: {"path": v.folder / v.rng.choice(FILES)}),
+    "Camera.project": _project,
+    "Camera.unproject": _rows_of_pixels("unproject"),
+    "Camera.ground_from_pixels": _rows_of_pixels("ground_from_pixels", ground=PARAMETERS["ground"]),
     "Camera.resized": lambda v: (v.rng.choice(CAMERAS).resized, {"width": 32, "height": 24}),
     "Camera.cropped": lambda v: (v.rng.choice(CAMERAS).cropped, {"x": 3, "y": 4, "width": 32, "height": 24}),
     "Lut.from_maps": _with(ipm_rs.Lut.from_maps, lambda v: {**v.maps(), "source_size": (WIDTH, HEIGHT)}),

@@ -339,3 +339,59 @@ def test_claims_of_great_size_cost_nothing():
             ipm_rs.points_from_depth(claim, K, **options)
     points, index = ipm_rs.points_from_depth(claim, K, stride=1000, compact=True)
     assert len(points) == 1200 and index[-1] == 29_000 * 40_000 + 39_000
+
+
+@pytest.mark.parametrize("order", ["bgra", "rgba", "bgr", "rgb"])
+@pytest.mark.parametrize("compact", [False, True])
+def test_points_straight_from_carla_are_those_of_decoded_depth(order, compact):
+    """Bit for bit, whatever else is asked for."""
+    image = np.random.default_rng(6).integers(0, 256, (H, W + 3, len(order)), dtype=np.uint8)[:, 1:-2]
+    image[..., order.index("b")] //= 8
+    image[5:9, 7:20] = 0  # no depth
+    depth = ipm_rs.decode_carla_depth(image, order=order)
+    mask = np.random.default_rng(7).random((H, W)) < 0.9
+    options = [
+        {},
+        {"frame": "flu", "max_depth": 60.0, "min_depth": 2.0},
+        {"frame": "vehicle", "stride": 3, "dtype": "float64"},
+        {"kind": "ray", "mask": mask, "depth_scale": 0.5, "threads": 2},
+    ]
+    here = {"image_size": (W, H), "camera_from_vehicle": np.eye(4)}
+    skewed = ipm_rs.Camera([[420.0, 2.0, 63.5], [0.0, 410.0, 40.25], [0.0, 0.0, 1.0]], **here)
+    bent = ipm_rs.Camera(K, lens=ipm_rs.Eucm(0.6, 1.1), **here)
+    for camera in (CAMERA, skewed, bent, ipm_rs.PixelRays(bent)):
+        for chosen in options:
+            got = ipm_rs.points_from_depth(image, camera, order=order, compact=compact, **chosen)
+            expected = ipm_rs.points_from_depth(depth, camera, compact=compact, **chosen)
+            if not compact:
+                got, expected = (got,), (expected,)
+            assert all(same(a, b) for a, b in zip(got, expected, strict=True)), chosen
+            assert np.isfinite(got[0]).any()
+
+
+def test_carla_mistakes():
+    image = np.zeros((H, W, 4), np.uint8)
+    for wrong, phrases in (
+        (image[..., 0], ("(H, W, 4)", f"({H}, {W})")),
+        (image[..., :2], ("(H, W, 4)", f"({H}, {W}, 2)")),
+    ):
+        with refuses(errors.ImageError, "depth", *phrases):
+            ipm_rs.points_from_depth(wrong, K, order="bgra")
+    with refuses(errors.DtypeError, "depth", "uint8", "float32"):
+        ipm_rs.points_from_depth(image.astype(np.float32), K, order="bgra")
+    with refuses(errors.ArgumentError, "order", "4 channels", "rgb"):
+        ipm_rs.points_from_depth(image, K, order="rgb")
+    with refuses(errors.ArgumentError, "order", "argb"):
+        ipm_rs.points_from_depth(image, K, order="argb")
+    with refuses(errors.ImageError, "depth", "order="):
+        ipm_rs.points_from_depth(image, K)
+    with refuses(errors.DtypeError, "depth", "order="):
+        ipm_rs.points_from_depth(image[..., 0], K)
+    out = image.view(np.float32)
+    with refuses(errors.ImageError, "out", f"({H}, {W}, 3)"):
+        ipm_rs.points_from_depth(image, K, order="bgra", out=out)
+    memory = np.zeros((H, W, 4), np.float32)
+    points = memory.reshape(-1)[: H * W * 3].reshape(H, W, 3)
+    coded = np.lib.stride_tricks.as_strided(memory.view(np.uint8), (H, W, 4), (16 * W, 4, 1))
+    with refuses(errors.ImageError, "out", "memory", "depth", out=memory):
+        ipm_rs.points_from_depth(coded, K, order="bgra", out=points)

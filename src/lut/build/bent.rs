@@ -175,6 +175,8 @@ mod tests {
             brown(8),
             brown(12),
             brown(14),
+            // ends at a pole of its quotient, 61 degrees from the axis, before which pixels grow without bound
+            BrownConrady::new(&[0.1, 0.02, 1e-3, -2e-3, 3e-3, -0.3, 0.0, 0.0], None).unwrap().into(),
             KannalaBrandt::new(&[0.02, -0.01, 3e-3, -5e-4], None).unwrap().into(),
             Mei::new(2.2, &[0.016, 1.65, 4e-4, -5e-4], None).unwrap().into(),
             Mei::new(0.9, &[-0.02, 0.001, 4e-4, -5e-4], Some(1.9)).unwrap().into(),
