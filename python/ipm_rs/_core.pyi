@@ -1868,6 +1868,7 @@ def encode_carla_depth(
     *,
     order: Literal["bgra", "rgba", "bgr", "rgb"] = "bgra",
     normalized: bool = False,
+    out: NDArray[np.uint8] | None = None,
     threads: int | None = None,
 ) -> NDArray[np.uint8]:
     """Depth to CARLA's colour code, the nearest of its 2^24 steps of 0.06 mm; the way back of `decode_carla_depth`.
@@ -1877,6 +1878,8 @@ def encode_carla_depth(
             code, as the sky has it.
         order: of the channels; alpha is 255.
         normalized: `depth` is 0 to 1 instead.
+        out: where to write, (H, W, 4) or (H, W, 3) of uint8, with any row stride. Where a number turns out to be negative
+            or NaN, a part of it has been written.
         threads: at most how many threads.
 
     Returns:

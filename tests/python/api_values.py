@@ -308,7 +308,14 @@ RECIPES: dict[str, Callable[[Values], tuple[Callable[..., Any], Arguments]]] = {
         lambda v: {"image": textured(HEIGHT, WIDTH, 4), "order": "bgra", "normalized": True, "threads": 1},
     ),
     "encode_carla_depth": _with(
-        ipm_rs.encode_carla_depth, lambda v: {"depth": v.depth(), "order": "rgb", "normalized": False, "threads": 1}
+        ipm_rs.encode_carla_depth,
+        lambda v: {
+            "depth": v.depth(),
+            "order": "rgb",
+            "normalized": False,
+            "out": np.zeros((HEIGHT, WIDTH, 3), np.uint8),
+            "threads": 1,
+        },
     ),
     "depth_to_lidar": _with(
         ipm_rs.depth_to_lidar, lambda v: {"normalized_depth": v.depth() / 10, "w": WIDTH, "h": HEIGHT, "K": K.copy()}

@@ -150,3 +150,31 @@ def test_wrong_outputs_are_refused():
             ipm_rs.decode_carla_depth(image, out=out)
     with refuses(errors.ArgumentError, "threads"):
         ipm_rs.decode_carla_depth(image, threads=0)
+
+
+def test_the_encoder_writes_where_it_is_wanted():
+    depth = np.random.default_rng(2).uniform(0, 999, (30, 40)).astype(np.float32)
+    canvas = np.full((34, 50, 4), 9, np.uint8)
+    out = canvas[2:-2, 5:-5]
+    assert ipm_rs.encode_carla_depth(depth, out=out) is out
+    assert same(out.copy(), ipm_rs.encode_carla_depth(depth))
+    canvas[2:-2, 5:-5] = 9
+    assert (canvas == 9).all(), "written beside it"
+
+
+def test_wrong_outputs_of_the_encoder_are_refused():
+    depth = np.ones((30, 40), np.float32)
+    for wrong, error, phrases in (
+        (np.zeros((30, 40, 3), np.uint8), errors.ImageError, ("(30, 40, 4)", "(30, 40, 3)")),
+        (np.zeros((30, 40, 4), np.int8), errors.DtypeError, ("uint8", "int8")),
+        (np.broadcast_to(np.zeros((1, 40, 4), np.uint8), (30, 40, 4)), errors.ImageError, ("overlap",)),
+        (np.zeros((30, 40, 8), np.uint8)[..., ::2], errors.ImageError, ("adjacent",)),
+    ):
+        with refuses(error, "out", *phrases, out=wrong):
+            ipm_rs.encode_carla_depth(depth, out=wrong)
+    fixed = np.zeros((30, 40, 4), np.uint8)
+    fixed.flags.writeable = False
+    with refuses(errors.ImageError, "out", "read-only", out=fixed):
+        ipm_rs.encode_carla_depth(depth, out=fixed)
+    with refuses(errors.ImageError, "out", "memory", "depth", out=depth):
+        ipm_rs.encode_carla_depth(depth, out=depth.view(np.uint8).reshape(30, 40, 4))

@@ -395,3 +395,21 @@ def test_carla_mistakes():
     coded = np.lib.stride_tricks.as_strided(memory.view(np.uint8), (H, W, 4), (16 * W, 4, 1))
     with refuses(errors.ImageError, "out", "memory", "depth", out=memory):
         ipm_rs.points_from_depth(coded, K, order="bgra", out=points)
+
+
+@pytest.mark.parametrize("dtype", ["float32", "float64"])
+@pytest.mark.parametrize("first", [0, 1, 3])
+def test_large_clouds_are_those_of_their_rows(dtype, first):
+    """From 8 MB on points are written past the caches, wherever the array begins; compact ones never are."""
+    height, width = 720, 1283
+    depth = np.random.default_rng(8).uniform(-1, 50, (height, width)).astype(np.float32)
+    camera = ipm_rs.Camera.from_euler(
+        [[900.0, 0, 640], [0, 900, 360], [0, 0, 1]], image_size=(width, height), position=(1, 0, 1.5), pitch=0.1
+    )
+    memory = np.full(height * width * 3 + 8, 7, dtype)
+    out = memory[first : first - 8].reshape(height, width, 3)
+    got = ipm_rs.points_from_depth(depth, camera, frame="vehicle", dtype=dtype, out=out)
+    assert got is out and (memory[:first] == 7).all() and (memory[first - 8 :] == 7).all()
+    points, index = ipm_rs.points_from_depth(depth, camera, frame="vehicle", dtype=dtype, compact=True)
+    assert same(got.reshape(-1, 3)[index], points)
+    assert np.isnan(got).all(-1).sum() == height * width - len(points)

@@ -61,22 +61,24 @@ pub(in crate::python) fn decode_carla_depth<'py>(
 #[doc = help!("encode_carla_depth")]
 #[pyfunction]
 #[pyo3(
-    signature = (depth, *, order = None, normalized = None, threads = None),
-    text_signature = "(depth, *, order='bgra', normalized=False, threads=None)"
+    signature = (depth, *, order = None, normalized = None, out = None, threads = None),
+    text_signature = "(depth, *, order='bgra', normalized=False, out=None, threads=None)"
 )]
 pub(in crate::python) fn encode_carla_depth<'py>(
     depth: &Bound<'py, PyAny>,
     order: Option<&Bound<'py, PyAny>>,
     normalized: Option<&Bound<'py, PyAny>>,
+    out: Option<&Bound<'py, PyAny>>,
     threads: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<Bound<'py, PyAny>> {
     let order = order.map_or(Ok(ChannelOrder::Bgra), named_order)?;
     let unit = unit(normalized)?;
     let threads = threads.map(|threads| thread_count("threads", threads)).transpose()?;
+    let out = Output::new(out)?;
     let image = depth_image("depth", shared::array("depth", depth, false)?)?;
     match (image.dtype().kind(), image.dtype().itemsize()) {
-        (b'f', 4) => encode::<f32>(&image, order, unit, threads),
-        (b'f', 8) => encode::<f64>(&image, order, unit, threads),
+        (b'f', 4) => encode::<f32>(&image, order, unit, &out, threads),
+        (b'f', 8) => encode::<f64>(&image, order, unit, &out, threads),
         _ => Err(wrong_dtype("depth", "float32 or float64", image.dtype(), "use depth * metres_per_unit")),
     }
 }
@@ -85,17 +87,25 @@ fn encode<'py, T: PointSample>(
     depth: &ImageArray<'py>,
     order: ChannelOrder,
     unit: DepthUnit,
+    out: &Output<'py>,
     threads: Option<usize>,
 ) -> PyResult<Bound<'py, PyAny>> {
     let py = depth.dtype().py();
     let read = depth.read()?;
     let views = read.views::<T>()?;
     let shape = [depth.shape()[0], depth.shape()[1], order.channels()];
-    let out = ImageArray::allocate(&shape, dtype::<u8>(py), Layout::Hwc)?;
-    let mut write = out.write()?;
+    let uint8 = dtype::<u8>(py);
+    let written = match out.array() {
+        Some(array) => {
+            let dtype = (&uint8, "which depth is encoded in", "numpy.uint8");
+            ImageArray::output(array, &shape, dtype, Layout::Hwc, &[("depth", depth)])?
+        }
+        None => ImageArray::allocate(&shape, uint8, Layout::Hwc)?,
+    };
+    let mut write = written.write()?;
     let mut outs = write.views::<u8>()?;
     detached::run(py, || encode_carla_depth_into(&views[0], order, unit, &mut outs[0], threads))?;
     drop(outs);
     drop(write);
-    Ok(out.into_array().into_any())
+    Ok(out.given_or(written))
 }

@@ -158,7 +158,8 @@ pub(super) fn depth_image<'py>(name: &str, array: Bound<'py, PyUntypedArray>) ->
             tuple_text(shape),
             match shape {
                 [_, _, 1] => format!("; use {name}[..., 0]"),
-                _ => "; order= for CARLA's colour-coded depth, other codes are decoded first".to_owned(),
+                _ => "; use order= for CARLA's colour-coded depth, or decode it first, as by decode_carla_depth"
+                    .to_owned(),
             }
         ))),
     }
