@@ -376,7 +376,7 @@ def test_carla_mistakes():
         (image[..., :2], ("(H, W, 4)", f"({H}, {W}, 2)")),
     ):
         with refuses(errors.ImageError, "depth", *phrases):
-            ipm_rs.points_from_depth(wrong, K, order="bgra")
+            ipm_rs.points_from_depth(wrong.copy(), K, order="bgra")
     with refuses(errors.DtypeError, "depth", "uint8", "float32"):
         ipm_rs.points_from_depth(image.astype(np.float32), K, order="bgra")
     with refuses(errors.ArgumentError, "order", "4 channels", "rgb"):
@@ -386,7 +386,7 @@ def test_carla_mistakes():
     with refuses(errors.ImageError, "depth", "order="):
         ipm_rs.points_from_depth(image, K)
     with refuses(errors.DtypeError, "depth", "order="):
-        ipm_rs.points_from_depth(image[..., 0], K)
+        ipm_rs.points_from_depth(image[..., 0].copy(), K)
     out = image.view(np.float32)
     with refuses(errors.ImageError, "out", f"({H}, {W}, 3)"):
         ipm_rs.points_from_depth(image, K, order="bgra", out=out)
