@@ -12,7 +12,7 @@ use std::mem::MaybeUninit;
 use std::ptr;
 use std::sync::atomic::{AtomicPtr, Ordering};
 
-use ipm_rs::{Bilinear, F16, Isa};
+use ipm_rs::{Bilinear, F16, ImageView, ImageViewMut, Isa, WarpOptions};
 use isas::{Job, Number, Random, Rows, Walk, compared, noise};
 
 /// On which side the samples touch a page that may not be touched.
@@ -157,6 +157,42 @@ impl Pages {
         self.try_all(&Job::<T>::bilinear(), size, channels, random);
     }
 
+    /// Several images of one channel, the first at one fence and the last at the other.
+    fn planes<T: Bilinear + Number>(&mut self, size: (usize, usize), random: &mut Random) {
+        const COUNT: usize = 5;
+        let data: Vec<T> = noise(size.0 * size.1 * COUNT, random);
+        for walk in Walk::ALL {
+            let cells = 1 + (random.bits() >> 32) as usize % 70;
+            let lut = walk.lut(size, 1, cells, random);
+            for isa in compared().chain([Isa::Scalar]) {
+                for (source_guard, out_guard) in GUARDS {
+                    let what = format!(
+                        "\nfault: {}, {COUNT} planes of {}, {size:?}, {walk:?}, {cells} cells, guard {source_guard:?} the \
+                         sources and {out_guard:?} the outputs\n\0",
+                        isa.name(),
+                        std::any::type_name::<T>(),
+                    );
+                    let source = self.source.samples::<T>(data.len(), source_guard);
+                    source.copy_from_slice(&data);
+                    let views: Vec<_> = source
+                        .chunks(size.0 * size.1)
+                        .map(|plane| ImageView::new(plane, size, 1).expect("a plane"))
+                        .collect();
+                    let mut outs: Vec<_> = self
+                        .out
+                        .samples::<T>(cells * COUNT, out_guard)
+                        .chunks_mut(cells)
+                        .map(|plane| ImageViewMut::new(plane, (cells, 1), 1).expect("a row"))
+                        .collect();
+                    let options = WarpOptions { isa: Some(isa), threads: Some(1), ..WarpOptions::default() };
+                    TRYING.store(what.as_ptr().cast_mut().cast(), Ordering::Relaxed);
+                    lut.warp_many_into(&views, &mut outs, &options).expect("the planes fit the table");
+                    TRYING.store(ptr::null_mut(), Ordering::Relaxed);
+                }
+            }
+        }
+    }
+
     fn area<T: Bilinear + Number>(&mut self, size: (usize, usize), channels: usize, random: &mut Random) {
         self.try_all(&Job::<T>::area(), size, channels, random);
     }
@@ -194,6 +230,8 @@ fn no_byte_outside_the_image_or_the_output() {
             pages.direct::<F16>(size, channels, &mut random);
             pages.direct::<f64>(size, channels, &mut random);
         }
+        pages.planes::<f32>(size, &mut random);
+        pages.planes::<u8>(size, &mut random);
         pages.area::<i16>(size, 3, &mut random);
         pages.area::<F16>(size, 3, &mut random);
         pages.area::<f64>(size, 3, &mut random);

@@ -9,7 +9,7 @@ mod isas;
 
 use common::{image, seed_camera, seed_grid, textured};
 use ipm_rs::warp::reference;
-use ipm_rs::{Bilinear, F16, Ground, Interpolation, Isa, Lut, WarpOptions};
+use ipm_rs::{Bilinear, F16, Ground, ImageView, ImageViewMut, Interpolation, Isa, Lut, WarpOptions};
 use isas::{Job, Number, Random, Rows, Walk, noise};
 use nalgebra::Vector3;
 use proptest::prelude::*;
@@ -145,6 +145,55 @@ fn the_seed_job() {
     }
     bilinear::<f32>(&lut, Rows::Contiguous, 16, "seed", &mut random);
     nearest::<u64>(&lut, Rows::Contiguous, 1, "seed", &mut random);
+}
+
+/// Several images of one channel, which a kernel may blend together: each as scalar has it alone.
+#[test]
+fn planes_equal_images_one_by_one() {
+    fn planes<T: Bilinear + Number>(lut: &Lut, count: usize, what: &str, random: &mut Random) {
+        let size = (lut.source_size().0 as usize, lut.source_size().1 as usize);
+        let data: Vec<T> = noise(size.0 * size.1 * count, random);
+        let images: Vec<_> =
+            data.chunks(size.0 * size.1).map(|plane| ImageView::new(plane, size, 1).unwrap()).collect();
+        let border_value: Vec<T> = noise(count, random);
+        for isa in isas::compared() {
+            for threads in [1, 2] {
+                let cells = lut.rows() * lut.columns();
+                let mut out = vec![T::default(); cells * count];
+                let mut outs: Vec<_> = out
+                    .chunks_mut(cells)
+                    .map(|plane| ImageViewMut::new(plane, (lut.columns(), lut.rows()), 1).unwrap())
+                    .collect();
+                let options = WarpOptions {
+                    border_value: border_value.clone(),
+                    isa: Some(isa),
+                    threads: Some(threads),
+                    ..WarpOptions::default()
+                };
+                lut.warp_many_into(&images, &mut outs, &options).unwrap();
+                for (plane, got) in out.chunks(cells).enumerate() {
+                    let border_value = vec![border_value[plane]];
+                    let alone = WarpOptions { border_value, isa: Some(Isa::Scalar), ..WarpOptions::default() };
+                    let expected = lut.warp(&images[plane], &alone).unwrap();
+                    let differs = got.iter().zip(&expected).position(|(got, expected)| !got.same(*expected));
+                    assert_eq!(differs, None, "{}, plane {plane} of {count}, {what}", isa.name());
+                }
+            }
+        }
+    }
+    let mut random = Random::new(6);
+    for count in 1..=9 {
+        for walk in Walk::ALL {
+            let cells = 1 + (random.bits() >> 32) as usize % 70;
+            let lut = walk.lut((61, 7), 3, cells, &mut random);
+            planes::<f32>(&lut, count, &format!("{walk:?}"), &mut random);
+            planes::<u8>(&lut, count, &format!("{walk:?}"), &mut random);
+        }
+    }
+    // larger than what threads share out at once
+    let camera = seed_camera().resized(512, 256).unwrap();
+    let lut = Lut::new(&camera, &seed_grid((0.2, 0.05)), &Ground::default()).unwrap();
+    planes::<f32>(&lut, 6, "seed", &mut random);
 }
 
 /// Unless the environment names another, a warp uses the last of those available.

@@ -3,14 +3,14 @@
 //! No `map` of arrays and no sums of iterators: in code compiled for an instruction set the compiler leaves these as calls,
 //! six times as slow.
 
-use super::{ProbesKernel, RowKernel, special};
+use super::{PlanesKernel, ProbesKernel, RowKernel, special};
 use crate::cpu::Isa;
 use crate::table::ONE;
 use crate::view::F16;
 use crate::view::Sample;
 
 pub(crate) mod sealed {
-    use super::{Isa, ProbesKernel, RowKernel, Sample};
+    use super::{Isa, PlanesKernel, ProbesKernel, RowKernel, Sample};
 
     /// The arithmetic of one dtype; see the module's contract.
     pub trait Blend: Sample {
@@ -27,6 +27,12 @@ pub(crate) mod sealed {
         /// The kernel that averages probes, likewise: faster than a kernel for each and a sum.
         #[expect(private_interfaces, reason = "sealed: nobody outside can call it")]
         fn probes(_isa: Isa, _channels: usize) -> Option<ProbesKernel<Self>> {
+            None
+        }
+
+        /// The kernel of an instruction set for several images of one channel, if that is faster than one after the other.
+        #[expect(private_interfaces, reason = "sealed: nobody outside can call it")]
+        fn planes(_isa: Isa) -> Option<PlanesKernel<Self>> {
             None
         }
 
@@ -90,6 +96,11 @@ impl sealed::Blend for f32 {
     #[expect(private_interfaces, reason = "sealed: nobody outside can call it")]
     fn special(isa: Isa, channels: usize) -> Option<RowKernel<f32>> {
         special::bilinear_f32(isa, channels)
+    }
+
+    #[expect(private_interfaces, reason = "sealed: nobody outside can call it")]
+    fn planes(isa: Isa) -> Option<PlanesKernel<f32>> {
+        special::planes_f32(isa)
     }
 
     type Weights = (f32, f32);

@@ -118,6 +118,9 @@ pub(crate) type RowKernel<T> = fn(&Source<'_, T>, &[Tap], &mut [T]);
 /// Fills neighbouring cells from their nearest pixels, counted as `y * width + x`, of an image whose rows are back to back.
 pub(crate) type CopyKernel<T> = fn(&Source<'_, T>, &[u32], &mut [T]);
 
+/// Fills neighbouring cells of as many outputs as there are images, all of one channel and of rows that are back to back.
+pub(crate) type PlanesKernel<T> = fn(&[Source<'_, T>; 4], &[Tap], [&mut [T]; 4]);
+
 /// The same with exact fractions, of kind `F`.
 pub(crate) type ExactKernel<T, F> = fn(&Source<'_, T>, Exact<'_, F>, &mut [T]);
 
@@ -178,6 +181,8 @@ pub(crate) struct RowKernels<T> {
     pub(crate) edge: RowKernel<T>,
     /// Instead of `inside` where a table has the nearest pixels as numbers; none where that is no gain.
     pub(crate) copy: Option<CopyKernel<T>>,
+    /// Instead of `inside` for several images at once; none where that is no gain.
+    pub(crate) planes: Option<PlanesKernel<T>>,
 }
 
 impl<T: Sample> RowKernels<T> {
@@ -186,6 +191,7 @@ impl<T: Sample> RowKernels<T> {
         let special = special::nearest(isa, channels * size_of::<T>());
         Self {
             inside: special.unwrap_or_else(|| Self::nearest_scalar(channels, contiguous)),
+            planes: None,
             copy: if contiguous { special::copy(isa, channels * size_of::<T>()) } else { None },
             edge: match channels {
                 1 => scalar::nearest_edge::<T, 1>,
@@ -218,6 +224,7 @@ impl<T: Blend> RowKernels<T> {
             3 => scalar::bilinear_edge::<T, 3>,
             _ => scalar::bilinear_edge::<T, 0>,
         };
-        Self { inside, edge, copy: None }
+        let planes = if channels == 1 && contiguous { T::planes(isa) } else { None };
+        Self { inside, edge, copy: None, planes }
     }
 }

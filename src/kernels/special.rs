@@ -4,7 +4,7 @@
 #[cfg(target_arch = "aarch64")]
 use super::neon;
 use super::places::{ExactBlend, Float, Places};
-use super::{CopyKernel, ExactKernel, ProbesKernel, RowKernel, Source, scalar, sealed::Blend};
+use super::{CopyKernel, ExactKernel, PlanesKernel, ProbesKernel, RowKernel, Source, scalar, sealed::Blend};
 #[cfg(target_arch = "x86_64")]
 use super::{avx2, avx512};
 use crate::cpu::{self, Body, Isa, by_isa};
@@ -194,6 +194,17 @@ macro_rules! kernel_f32 {
 /// Bilinear of float images.
 pub(super) fn bilinear_f32(isa: Isa, channels: usize) -> Option<RowKernel<f32>> {
     kernel_f32!(isa, channels)
+}
+
+/// Bilinear of several float images of one channel. AVX2 alone has it.
+pub(super) fn planes_f32(isa: Isa) -> Option<PlanesKernel<f32>> {
+    by_isa!(
+        isa,
+        Scalar => None,
+        Avx2 => kernel!(avx2::bilinear_f32_planes),
+        Avx512 => None,
+        Neon => None,
+    )
 }
 
 /// The same with exact fractions.

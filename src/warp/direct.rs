@@ -210,7 +210,8 @@ fn by_taps<T: Sample>(warp: &Direct<'_, T>, out: &mut ImageViewMut<'_, T>, kerne
     };
     run(warp, out, packed, |Packed { taps, spans, kinds }, row, source, cells| {
         spans.repack(isa, row, taps, kinds)?;
-        warp_spans(spans.spans(0, taps), source, cells, kernels, false, |span, cells| {
+        let sources = slice::from_ref(source);
+        warp_spans(spans.spans(0, taps), sources, [cells], kernels, false, |span, [cells]| {
             (kernels.inside)(source, span.taps, cells);
         });
         Ok(())

@@ -18,7 +18,7 @@ use crate::error::{Error, Result};
 use crate::kernels::{CopyKernel, RowKernels, Source};
 use crate::lut::Lut;
 use crate::parallel;
-use crate::table::{Span, SpanKind, Table};
+use crate::table::{Band, Span, SpanKind, Table};
 use crate::view::{ImageView, ImageViewMut, RowsMut, Sample, buffer};
 use nearest::NearestPixels;
 
@@ -167,32 +167,64 @@ fn run<T: Sample>(
         Some(kernel) => Some((kernel, lut.derived(|table| NearestPixels::new(options.isa()?, table, threads))?)),
         None => None,
     };
-    let warp_band = |index: usize, first: usize, band: RowsMut<'_, T>| {
+    let source = |index: usize| {
         // of one value for each channel, all; of one for each plane, its own
         let own = if border.len() == channels { 0 } else { index % border.len() };
-        let source = Source::new(&images[index], &border[own..own + channels]);
-        warp_rows(lut.table(), first, band, &source, &kernels, pixels);
+        Source::new(&images[index], &border[own..own + channels])
     };
+    let engine = Engine { table: lut.table(), kernels: &kernels, pixels };
+    let planes = if kernels.planes.is_some() { PLANES } else { 1 };
     let even = parallel::rows_per_band(rows * images.len(), columns, threads);
     let shared = if images.len() > 1 { SHARED_CELLS.div_ceil(columns) } else { rows };
     let band_rows = even.min(shared).min(rows);
     if band_rows == rows {
-        let together = WarpOptions::<T>::images_together(rows * columns, channels);
+        let together = WarpOptions::<T>::images_together(rows * columns, channels).next_multiple_of(planes);
         parallel::for_each(threads, outs.chunks_mut(together).enumerate(), |(job, outs)| {
-            for (index, out) in (job * together..).zip(outs) {
-                warp_band(index, 0, out.rows());
+            for (index, outs) in (job * together..).step_by(planes).zip(outs.chunks_mut(planes)) {
+                let mut outs = outs.iter_mut();
+                engine.warp_band(index, source, 0, Planes::of(|| outs.next().map(ImageViewMut::rows)));
             }
             Ok(())
         })
     } else {
         // band by band through all images: they share the band of the table while the caches hold it
-        let count = outs.len();
         let mut bands = buffer::collected("out", outs.iter_mut().map(|out| out.bands(band_rows)))?;
-        let jobs = (0..).map_while(|job| Some((job % count, bands[job % count].next()?)));
-        parallel::for_each(threads, jobs, |(index, (first, band))| {
-            warp_band(index, first, band);
+        let chunks = bands.len().div_ceil(planes);
+        let jobs = (0..).map_while(|job| {
+            let (index, mut first) = (job % chunks * planes, 0);
+            let mut chunk = bands[index..].iter_mut().take(planes);
+            let rows = Planes::of(|| {
+                let (row, rows) = chunk.next()?.next()?;
+                first = row;
+                Some(rows)
+            });
+            rows.0[0].is_some().then_some((index, first, rows))
+        });
+        parallel::for_each(threads, jobs, |(index, first, rows)| {
+            engine.warp_band(index, source, first, rows);
             Ok(())
         })
+    }
+}
+
+/// So many planes are blended at once, from one reading of the table. More would compete for the same few places of a
+/// core's own cache: planes often lie a power of two of bytes apart, and so do the rows of each.
+const PLANES: usize = 4;
+
+/// Rows of up to so many planes.
+struct Planes<R>([Option<R>; PLANES]);
+
+impl<R> Planes<R> {
+    /// What `next` gives, as long as it gives something.
+    fn of(mut next: impl FnMut() -> Option<R>) -> Self {
+        let mut planes = [const { None }; PLANES];
+        for plane in &mut planes {
+            *plane = next();
+            if plane.is_none() {
+                break;
+            }
+        }
+        Self(planes)
     }
 }
 
@@ -201,55 +233,94 @@ fn run<T: Sample>(
 /// same bytes in pieces of half a row took three times as long.
 const FILL_BYTES: usize = 1 << 16;
 
-/// Fills neighbouring rows of the output, of which the first is row `first` of the table.
-fn warp_rows<T: Sample>(
-    table: &Table,
-    first: usize,
-    mut rows: RowsMut<'_, T>,
-    source: &Source<'_, T>,
-    kernels: &RowKernels<T>,
-    pixels: Option<(CopyKernel<T>, &NearestPixels)>,
-) {
-    let row_bytes = table.columns() * source.channels() * size_of::<T>();
-    let piece_rows = (FILL_BYTES / row_bytes).max(1);
-    let mut first = first;
-    while rows.remaining() > 0 {
-        let band = table.band(first);
-        let end = band.rows.end.min(first + piece_rows.min(rows.remaining()));
-        let mostly_outside = 2 * band.cells_with_taps(first..end) < (end - first) * table.columns();
-        let piece = if mostly_outside { rows.flat(end - first) } else { None };
-        let filled = piece.map(|cells| source.fill_border(cells)).is_some();
-        for (row, cells) in (first..end).zip(rows.by_ref()) {
-            match pixels {
-                Some((copy, pixels)) => warp_spans(band.spans(row), source, cells, kernels, filled, |span, cells| {
-                    copy(source, pixels.of(table, &band, span), cells);
-                }),
-                None => warp_spans(band.spans(row), source, cells, kernels, filled, |span, cells| {
-                    (kernels.inside)(source, span.taps, cells);
-                }),
+/// What fills rows from a table.
+struct Engine<'a, T> {
+    table: &'a Table,
+    kernels: &'a RowKernels<T>,
+    pixels: Option<(CopyKernel<T>, &'a NearestPixels)>,
+}
+
+impl<T: Sample> Engine<'_, T> {
+    /// Fills neighbouring rows of an output, of which the first is row `first` of the table, or of as many outputs as
+    /// there are `rows`; `source` gives the image of the `index`-th and those that follow.
+    fn warp_band<'s>(
+        &self,
+        index: usize,
+        source: impl Fn(usize) -> Source<'s, T>,
+        first: usize,
+        rows: Planes<RowsMut<'_, T>>,
+    ) where
+        T: 's,
+    {
+        match (rows.0, self.kernels.planes) {
+            ([Some(one), Some(two), Some(three), Some(four)], Some(kernel)) => {
+                let sources = [0, 1, 2, 3].map(|plane| source(index + plane));
+                self.warp_rows(first, [one, two, three, four], &sources, |_, span, cells| {
+                    kernel(&sources, span.taps, cells);
+                });
+            }
+            (planes, _) => {
+                for (index, rows) in (index..).zip(planes.into_iter().flatten()) {
+                    let source = source(index);
+                    self.warp_rows(first, [rows], slice::from_ref(&source), |band, span, [cells]| match self.pixels {
+                        Some((copy, pixels)) => copy(&source, pixels.of(self.table, band, span), cells),
+                        None => (self.kernels.inside)(&source, span.taps, cells),
+                    });
+                }
             }
         }
-        first = end;
+    }
+
+    /// Fills neighbouring rows of the outputs, of which the first is row `first` of the table; what is inside by `inside`.
+    fn warp_rows<const N: usize>(
+        &self,
+        mut first: usize,
+        mut rows: [RowsMut<'_, T>; N],
+        sources: &[Source<'_, T>],
+        inside: impl Fn(&Band<'_>, &Span<'_>, [&mut [T]; N]),
+    ) {
+        let row_bytes = self.table.columns() * sources[0].channels() * size_of::<T>();
+        let piece_rows = (FILL_BYTES / row_bytes).max(1);
+        while rows[0].remaining() > 0 {
+            let band = self.table.band(first);
+            let end = band.rows.end.min(first + piece_rows.min(rows[0].remaining()));
+            let mostly_outside = 2 * band.cells_with_taps(first..end) < (end - first) * self.table.columns();
+            let filled = mostly_outside
+                && rows
+                    .iter_mut()
+                    .zip(sources)
+                    .all(|(rows, source)| rows.flat(end - first).map(|cells| source.fill_border(cells)).is_some());
+            for row in first..end {
+                let cells = rows.each_mut().map(|rows| rows.next().unwrap_or_default());
+                warp_spans(band.spans(row), sources, cells, self.kernels, filled, |span, cells| {
+                    inside(&band, span, cells);
+                });
+            }
+            first = end;
+        }
     }
 }
 
-/// Fills one output row, span by span: those inside by `inside`, those outside only if not `filled`.
-fn warp_spans<'a, T: Sample>(
+/// Fills a row of each output, span by span: those inside by `inside`, those outside only if not `filled`.
+fn warp_spans<'a, T: Sample, const N: usize>(
     spans: impl Iterator<Item = Span<'a>>,
-    source: &Source<'_, T>,
-    cells: &mut [T],
+    sources: &[Source<'_, T>],
+    mut rows: [&mut [T]; N],
     kernels: &RowKernels<T>,
     filled: bool,
-    inside: impl Fn(&Span<'_>, &mut [T]),
+    inside: impl Fn(&Span<'_>, [&mut [T]; N]),
 ) {
-    let channels = source.channels();
+    let channels = sources[0].channels();
     for span in spans {
-        let cells = &mut cells[span.first * channels..(span.first + span.cells) * channels];
+        let own = span.first * channels..(span.first + span.cells) * channels;
+        let cells = rows.each_mut().map(|row| &mut row[own.clone()]);
         match span.kind {
             SpanKind::Outside if filled => {}
-            SpanKind::Outside => source.fill_border(cells),
+            SpanKind::Outside => cells.into_iter().zip(sources).for_each(|(cells, source)| source.fill_border(cells)),
             SpanKind::Inside => inside(&span, cells),
-            SpanKind::Rim | SpanKind::Halo => (kernels.edge)(source, span.taps, cells),
+            SpanKind::Rim | SpanKind::Halo => {
+                cells.into_iter().zip(sources).for_each(|(cells, source)| (kernels.edge)(source, span.taps, cells));
+            }
         }
     }
 }

@@ -82,13 +82,55 @@ fn blend_run_f32<P: Places<f32>, const CHANNELS: usize, const PIXEL: usize>(
     );
 }
 
+/// Cells whose four pixels exist, of four float images of one channel and of one size: what a tap means is worked out once
+/// for all of them.
+///
+/// # Safety
+/// The CPU has AVX2.
+#[target_feature(enable = "avx2")]
+pub(in crate::kernels) fn bilinear_f32_planes(sources: &[Source<'_, f32>; 4], taps: &[Tap], cells: [&mut [f32]; 4]) {
+    let planes = [Plane::new(&sources[0]), Plane::new(&sources[1]), Plane::new(&sources[2]), Plane::new(&sources[3])];
+    let ([Some(a), Some(b), Some(c), Some(d)], CELLS..) = (planes, taps.len()) else {
+        for (source, cells) in sources.iter().zip(cells) {
+            scalar::bilinear::<f32, &[Tap], 1, false>(source, taps, cells);
+        }
+        return;
+    };
+    let planes = [a, b, c, d];
+    for plane in &planes {
+        assert!(plane.strided.is_none() && plane.pixel == 4 && plane.row_stride == planes[0].row_stride);
+    }
+    for first in (0..taps.len()).step_by(CELLS) {
+        // the last group reaches back to be whole
+        let first = first.min(taps.len() - CELLS);
+        let group = taps[first..].first_chunk::<CELLS>().expect("a whole group is left");
+        let weights = Group::load(group).weights();
+        let mut at = [0; CELLS];
+        // a loop, not `map`: what is called from code without AVX2 is not inlined there
+        for (position, tap) in at.iter_mut().zip(group) {
+            // SAFETY: a reference is good to read.
+            *position = 4 * unsafe { std::ptr::read_volatile(&tap.offset) as usize };
+        }
+        blend_pairs_f32(&planes[0], &at, weights, &mut cells[0][first..first + CELLS]);
+        blend_pairs_f32(&planes[1], &at, weights, &mut cells[1][first..first + CELLS]);
+        blend_pairs_f32(&planes[2], &at, weights, &mut cells[2][first..first + CELLS]);
+        blend_pairs_f32(&planes[3], &at, weights, &mut cells[3][first..first + CELLS]);
+    }
+}
+
 /// Eight cells of one channel. `P` is not looked at: compiled for one caller each, it becomes part of it, and weights stay
 /// in registers.
 #[inline]
 #[target_feature(enable = "avx2")]
 fn blend_one_f32<P>(plane: &Plane<'_>, at: &Cells<'_>, weights: (__m256, __m256), cells: &mut [f32]) {
+    blend_pairs_f32(plane, &at.early_positions::<4, CELLS>(plane, ALL), weights, cells);
+}
+
+/// Eight cells of one channel from the pairs of pixels at these positions, which are those of taps.
+#[inline]
+#[target_feature(enable = "avx2")]
+fn blend_pairs_f32(plane: &Plane<'_>, at: &[usize; CELLS], weights: (__m256, __m256), cells: &mut [f32]) {
     assert_eq!(cells.len(), CELLS);
-    let at = at.early_positions::<4, CELLS>(plane, ALL);
     let pairs = |row: isize| {
         let at = |cell: usize| plane.start().wrapping_offset(row).wrapping_add(at[cell]);
         // SAFETY: a tap of the table has two pixels, 8 bytes, in this row and in the one below.

@@ -14,7 +14,7 @@ mod probes;
 pub(super) use boxes::boxes_u8;
 pub(super) use bytes::{bilinear_u8, bilinear_u8_any, bilinear_u8_few};
 pub(super) use copy::copy;
-pub(super) use floats::{bilinear_f32, bilinear_f32_any, bilinear_u16, bilinear_u16_any};
+pub(super) use floats::{bilinear_f32, bilinear_f32_any, bilinear_f32_planes, bilinear_u16, bilinear_u16_any};
 pub(super) use nearest::nearest;
 pub(super) use pairs::{bilinear_f32_pairs, bilinear_u8_pairs, bilinear_u16_pairs};
 pub(super) use probes::probes_u8;
