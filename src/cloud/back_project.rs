@@ -118,10 +118,8 @@ pub fn points_from_depth_into<'a, D: DepthRows, O: PointSample>(
     options: &DepthOptions,
     out: &mut ImageViewMut<'_, O>,
 ) -> Result<()> {
-    let mut job = Job::new(depth, viewpoint.into(), frame_from_camera, mask, options)?;
+    let job = Job::new(depth, viewpoint.into(), frame_from_camera, mask, options)?;
     let (width, height) = job.size;
-    // a mask is looked at afterwards
-    job.streams = mask.is_none() && 3 * width * height * size_of::<O>() >= super::STREAMED_BYTES;
     if out.shape() != (height, width, 3) {
         return Err(Error::OutputShape { expected: (height, width, 3), got: out.shape() });
     }
@@ -200,8 +198,6 @@ struct Job<'a, D> {
     threads: usize,
     /// (width, height) of the points.
     size: (usize, usize),
-    /// Whether points are written past the caches.
-    streams: bool,
 }
 
 /// What a row is worked out in.
@@ -254,7 +250,6 @@ impl<'a, D: DepthRows> Job<'a, D> {
             isa: Isa::active()?,
             threads: super::threads_for(options.threads, got.0 * got.1 * 16)?,
             size,
-            streams: false,
         })
     }
 
@@ -294,15 +289,15 @@ impl<'a, D: DepthRows> Job<'a, D> {
             row.depth.extend(samples.iter().step_by(stride));
             &row.depth
         };
-        let (scale, limits, origin, streams) = (self.options.scale, self.limits, self.origin, self.streams);
+        let (scale, limits, origin) = (self.options.scale, self.limits, self.origin);
         if row.columns.is_empty() {
             self.rays(y * stride, &mut row.rays);
             let [xs, ys, zs] = &row.rays;
-            kernels::run(self.isa, PointsRow { depth, scale, limits, rays: [xs, ys, zs], origin, streams, out });
+            kernels::run(self.isa, PointsRow { depth, scale, limits, rays: [xs, ys, zs], origin, out });
         } else {
             let [_, fy, _, cy, _] = super::intrinsics(self.camera);
             let (columns, y, rotation) = (&row.columns[..], ((y * stride) as f64 - cy) / fy, self.rotation);
-            kernels::run(self.isa, PinholePoints { depth, scale, limits, columns, y, rotation, origin, streams, out });
+            kernels::run(self.isa, PinholePoints { depth, scale, limits, columns, y, rotation, origin, out });
         }
         let Some(mask) = self.mask else { return };
         let start = mask.row_start(y * stride);

@@ -30,9 +30,6 @@ fn threads_for(requested: Option<usize>, bytes: usize) -> Result<usize> {
     Ok(if bytes < INLINE_BYTES { 1 } else { threads })
 }
 
-/// Bytes of a result from which it is written past the caches: of what is smaller, the caller finds some there.
-const STREAMED_BYTES: usize = 1 << 23;
-
 /// Most points that one depth image may become, and most pixels that points may be drawn into: 2^28, 3 GiB of points.
 pub const MAX_POINTS: usize = 1 << 28;
 

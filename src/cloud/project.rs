@@ -42,30 +42,28 @@ pub fn project_into<T: PointSample>(
         }
     }
     let (isa, threads) = (Isa::active()?, super::threads_for(threads, expected.saturating_mul(32))?);
-    let streams = expected.saturating_mul(24) >= super::STREAMED_BYTES;
     let outs = out.uv.chunks_mut(CHUNK).zip(out.depth.chunks_mut(CHUNK)).zip(out.valid.chunks_mut(CHUNK));
     parallel::for_each(threads, outs.enumerate(), |(chunk, ((uv, depth), valid))| {
-        project_chunk(isa, camera, points, chunk * CHUNK, Projections { uv, depth, valid }, streams);
+        project_chunk(isa, camera, points, chunk * CHUNK, Projections { uv, depth, valid });
         Ok(())
     })
 }
 
-/// Projects the points from `first` on, as many as `out` takes; it may be written past the caches.
+/// Projects the points from `first` on, as many as `out` takes.
 pub(super) fn project_chunk<T: PointSample>(
     isa: Isa,
     camera: &Camera,
     points: &Strided<'_, T>,
     first: usize,
     out: Projections<'_>,
-    streams: bool,
 ) {
     /// Points that lie otherwise than one after the other are brought together, so many at a time.
     const TOGETHER: usize = 128;
     let count = out.uv.len();
     if let Some(points) = points.packed::<3>(first, count) {
-        project_dense(isa, camera, points, out, streams);
+        project_dense(isa, camera, points, out);
     } else if let Some(points) = points.packed::<4>(first, count) {
-        project_dense(isa, camera, points, out, streams);
+        project_dense(isa, camera, points, out);
     } else {
         let mut together = [[T::default(); 3]; TOGETHER];
         let outs = out.uv.chunks_mut(TOGETHER).zip(out.depth.chunks_mut(TOGETHER)).zip(out.valid.chunks_mut(TOGETHER));
@@ -73,7 +71,7 @@ pub(super) fn project_chunk<T: PointSample>(
             for (i, point) in together[..uv.len()].iter_mut().enumerate() {
                 *point = points.first(start + i);
             }
-            project_dense(isa, camera, &together[..uv.len()], Projections { uv, depth, valid }, streams);
+            project_dense(isa, camera, &together[..uv.len()], Projections { uv, depth, valid });
         }
     }
 }
@@ -83,7 +81,6 @@ fn project_dense<T: PointSample, const S: usize>(
     camera: &Camera,
     points: &[[T; S]],
     Projections { uv, depth, valid }: Projections<'_>,
-    streams: bool,
 ) {
     let pose = camera.camera_from_vehicle();
     let (width, height) = camera.image_size();
@@ -93,7 +90,6 @@ fn project_dense<T: PointSample, const S: usize>(
         translation: (*pose.translation()).into(),
         intrinsics: super::intrinsics(camera),
         last: (f64::from(width - 1), f64::from(height - 1)),
-        streams,
         uv,
         depth,
         valid,
@@ -176,11 +172,10 @@ mod tests {
                 .collect();
             assert!(expected.iter().any(|one| one.2) && expected.iter().any(|one| !one.2));
             for &isa in Isa::available() {
-                for (first, count, streams) in [(0, points.rows(), false), (3, 0, true), (5, 1, true), (11, 1023, true)]
-                {
+                for (first, count) in [(0, points.rows()), (3, 0), (5, 1), (11, 1023)] {
                     let (mut uv, mut depth, mut valid) = (vec![[0.0; 2]; count], vec![0.0; count], vec![false; count]);
                     let out = Projections { uv: &mut uv, depth: &mut depth, valid: &mut valid };
-                    project_chunk(isa, camera, &points, first, out, streams);
+                    project_chunk(isa, camera, &points, first, out);
                     let got: Vec<_> = (0..count).map(|i| bits(uv[i], depth[i], valid[i])).collect();
                     assert!(got == expected[first..first + count], "{:?} {isa:?} {first} {count}", camera.lens());
                 }

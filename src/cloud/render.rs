@@ -86,7 +86,7 @@ pub fn render_points_into<T: PointSample>(
             let count = TOGETHER.min(end - first);
             let (mut uv, mut distance, mut valid) = ([[0.0; 2]; TOGETHER], [0.0; TOGETHER], [false; TOGETHER]);
             let out = Projections { uv: &mut uv[..count], depth: &mut distance[..count], valid: &mut valid[..count] };
-            project_chunk(isa, camera, points, first, out, false);
+            project_chunk(isa, camera, points, first, out);
             if options.kind == DepthKind::Ray {
                 for (i, distance) in distance[..count].iter_mut().enumerate() {
                     let row: [T; 3] = points.first(first + i);

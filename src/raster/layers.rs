@@ -5,7 +5,7 @@ use super::{Census, RasterOptions, Reduce};
 use crate::cpu::{Body, Isa, run};
 use crate::error::Result;
 use crate::view::buffer::{self, zeroed};
-use crate::view::{PointSample, ask_for_huge_pages, prefetch};
+use crate::view::{PointSample, prefetch};
 
 /// The layers of points, row 0 the farthest, column 0 the leftmost; those that were not asked for are `None`.
 ///
@@ -92,8 +92,6 @@ pub(super) const SPARE: usize = 64;
 /// So many equal items.
 fn refill<E: Copy>(items: &mut Vec<E>, count: usize, item: E) -> Result<()> {
     items.clear();
-    buffer::room_for("rasterize", items, count)?;
-    ask_for_huge_pages(items);
     buffer::resize("rasterize", items, count, item)
 }
 

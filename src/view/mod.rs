@@ -5,9 +5,7 @@ mod half;
 mod image;
 mod limits;
 mod number;
-mod pages;
 mod prefetch;
-mod stream;
 mod strided;
 
 pub use half::F16;
@@ -19,6 +17,4 @@ pub use strided::{Strided, reach};
 pub(crate) use image::RowsMut;
 pub(crate) use limits::{check_cells, check_image_size};
 pub(crate) use number::{as_bytes, as_bytes_mut};
-pub(crate) use pages::ask_for_huge_pages;
 pub(crate) use prefetch::prefetch;
-pub(crate) use stream::{settle, stream};

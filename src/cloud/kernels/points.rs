@@ -1,7 +1,7 @@
 //! Rays and depth to points.
 
 use super::Body;
-use crate::view::{DepthSample, PointSample, settle, stream};
+use crate::view::{DepthSample, PointSample};
 
 /// Three coordinates of the rays of a row, each an array of its own.
 pub(in crate::cloud) type Rays<'a> = [&'a mut [f64]; 3];
@@ -60,8 +60,6 @@ pub(in crate::cloud) struct PointsRow<'a, T, O> {
     pub(in crate::cloud) limits: (f64, f64),
     pub(in crate::cloud) rays: [&'a [f64]; 3],
     pub(in crate::cloud) origin: [f64; 3],
-    /// Whether to write past the caches.
-    pub(in crate::cloud) streams: bool,
     /// x, y, z of each point.
     pub(in crate::cloud) out: &'a mut [O],
 }
@@ -71,10 +69,10 @@ impl<T: DepthSample, O: PointSample> Body for PointsRow<'_, T, O> {
 
     #[inline(always)]
     fn run(self) {
-        let Self { depth, scale, limits, rays: [xs, ys, zs], origin, streams, out } = self;
+        let Self { depth, scale, limits, rays: [xs, ys, zs], origin, out } = self;
         let count = depth.len();
         let (xs, ys, zs) = (&xs[..count], &ys[..count], &zs[..count]);
-        fill(depth, scale, limits, |i| [xs[i], ys[i], zs[i]], origin, (streams, out));
+        fill(depth, scale, limits, |i| [xs[i], ys[i], zs[i]], origin, out);
     }
 }
 
@@ -92,8 +90,6 @@ pub(in crate::cloud) struct PinholePoints<'a, T, O> {
     /// None for the optical frame.
     pub(in crate::cloud) rotation: Option<[[f64; 3]; 3]>,
     pub(in crate::cloud) origin: [f64; 3],
-    /// Whether to write past the caches.
-    pub(in crate::cloud) streams: bool,
     /// x, y, z of each point.
     pub(in crate::cloud) out: &'a mut [O],
 }
@@ -103,17 +99,17 @@ impl<T: DepthSample, O: PointSample> Body for PinholePoints<'_, T, O> {
 
     #[inline(always)]
     fn run(self) {
-        let Self { depth, scale, limits, columns, y, rotation, origin, streams, out } = self;
+        let Self { depth, scale, limits, columns, y, rotation, origin, out } = self;
         let columns = &columns[..depth.len()];
         match rotation {
-            None => fill(depth, scale, limits, |i| [columns[i], y, 1.0], origin, (streams, out)),
+            None => fill(depth, scale, limits, |i| [columns[i], y, 1.0], origin, out),
             Some([a, b, c]) => {
                 let down = [a[1] * y, b[1] * y, c[1] * y];
                 let ray = |i: usize| {
                     let x = columns[i];
                     [a[0] * x + down[0] + a[2], b[0] * x + down[1] + b[2], c[0] * x + down[2] + c[2]]
                 };
-                fill(depth, scale, limits, ray, origin, (streams, out));
+                fill(depth, scale, limits, ray, origin, out);
             }
         }
     }
@@ -130,12 +126,11 @@ fn fill<T: DepthSample, O: PointSample>(
     (nearest, farthest): (f64, f64),
     ray: impl Fn(usize) -> [f64; 3],
     origin: [f64; 3],
-    (streams, out): (bool, &mut [O]),
+    out: &mut [O],
 ) {
     const BLOCK: usize = 128;
     let out = &mut out.as_chunks_mut::<3>().0[..depth.len()];
     let [mut xs, mut ys, mut zs] = [[O::default(); BLOCK]; 3];
-    let mut points = [[O::default(); 3]; BLOCK];
     for (block, (depth, out)) in depth.chunks(BLOCK).zip(out.chunks_mut(BLOCK)).enumerate() {
         let count = depth.len();
         for i in 0..count {
@@ -147,16 +142,9 @@ fn fill<T: DepthSample, O: PointSample>(
             ys[i] = O::from_f64(y * metres + origin[1]);
             zs[i] = O::from_f64(z * metres + origin[2]);
         }
-        let target = if streams { &mut points[..count] } else { &mut *out };
-        for (i, point) in target.iter_mut().enumerate() {
+        for (i, point) in out.iter_mut().enumerate() {
             *point = [xs[i], ys[i], zs[i]];
         }
-        if streams {
-            stream(points[..count].as_flattened(), out.as_flattened_mut());
-        }
-    }
-    if streams {
-        settle();
     }
 }
 
