@@ -217,10 +217,11 @@ impl<'a, T: PointSample, R: Record<T>> Cells<'a, T, R> {
     /// Adds points that carry nothing but their z, one channel: `keys` are their cells, or [`SPARE`] records behind all
     /// cells.
     ///
-    /// A record comes from memory; asked for 32 points before it is needed, it is there.
+    /// A record comes from memory; asked for 96 points before it is needed, it is there: a million points onto 500 x 500
+    /// cells took 7.0 ms with 96, and 7.9 with 32.
     #[inline]
     pub(super) fn add_plain(&mut self, keys: &[u32], heights: &[f64]) {
-        const POINTS_AHEAD: usize = 32;
+        const POINTS_AHEAD: usize = 96;
         let records = &mut self.work.records[..];
         for (i, (&key, &z)) in keys.iter().zip(heights).enumerate() {
             if let Some(&next) = keys.get(i + POINTS_AHEAD) {

@@ -43,7 +43,6 @@ impl<P: PointSample> Coordinates for Strided<'_, P> {
 
     fn load(&self, isa: Isa, first: usize, [x, y, z]: [&mut [f64]; 3]) {
         let count = x.len();
-        self.prefetch(first + count, count);
         if self.columns() < 3 {
             z.fill(0.0);
             for i in 0..count {

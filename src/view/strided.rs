@@ -125,20 +125,6 @@ impl<'a, T> Strided<'a, T> {
         self.data[self.start.wrapping_add_signed(offset)]
     }
 
-    /// Asks for the memory of rows that will be needed soon.
-    #[inline]
-    pub(crate) fn prefetch(&self, first: usize, count: usize) {
-        const LINE: usize = 64;
-        if self.row_stride <= 0 {
-            return;
-        }
-        let (stride, line) = (self.row_stride as usize, (LINE / size_of::<T>()).max(self.row_stride as usize));
-        let start = self.start + first * stride;
-        for index in (start..start + count * stride).step_by(line) {
-            super::prefetch(self.data, index);
-        }
-    }
-
     /// The rows from `first` on as arrays of `K` adjacent numbers, where there are no gaps and that is what they are.
     #[inline]
     pub(crate) fn packed<const K: usize>(&self, first: usize, count: usize) -> Option<&'a [[T; K]]> {
