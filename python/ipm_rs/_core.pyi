@@ -862,8 +862,7 @@ class Camera:
             ground: the road under (N, 2) points: its height, a `Plane` or a `HeightMap`, 0 if not given; refused with
                 (N, 3).
             out: where to write, (uv, depth, valid): C-contiguous arrays of the shapes and dtypes below that share no
-                memory with each other or with `points`. A million points into arrays that are there take two thirds of
-                the time of new ones.
+                memory with each other or with `points`.
             threads: at most how many threads; the result does not depend on it.
 
         Returns:
