@@ -6,7 +6,9 @@
 
 #[cfg(target_arch = "x86_64")]
 use super::{avx2, avx512};
-use crate::cpu::{Isa, by_isa};
+use crate::cpu::Isa;
+#[cfg(any(target_arch = "x86_64", test))]
+use crate::cpu::by_isa;
 
 /// Samples of which an instruction set may average whole vectors.
 pub(super) trait Pairs: Sized {
@@ -31,6 +33,7 @@ impl Pairs for f32 {}
 impl Pairs for f64 {}
 
 impl Pairs for u8 {
+    #[cfg(target_arch = "x86_64")]
     fn whole_vectors(isa: Isa, up: bool, channels: usize, pixels: &[u8], out: &mut [u8]) -> usize {
         by_isa!(
             isa,
@@ -59,6 +62,7 @@ impl Pairs for u8 {
         )
     }
 
+    #[cfg(target_arch = "x86_64")]
     fn boxes(isa: Isa, channels: usize, k: [u32; 2], rows: &[&[u8]], out: &mut [u8]) -> bool {
         by_isa!(
             isa,

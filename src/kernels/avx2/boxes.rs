@@ -62,8 +62,14 @@ fn boxes<const CHANNELS: usize, const KX: usize, const ROWS: usize, const ODD: b
     for (index, out) in out.chunks_mut(most * CHANNELS).enumerate() {
         let (first, bytes) = (index * most * step, (out.len() / CHANNELS + 1) * step);
         let rows = rows.map(|row| &row[first..first + bytes]);
-        average_neighbours::<CHANNELS, ROWS, ODD>(rows, &mut tile[..bytes - CHANNELS]);
-        for k in 1..KX - 1 {
+        let done = if ROWS == 1 && KX > 2 {
+            average_fours::<CHANNELS, ODD>(rows[0], &mut tile[..bytes - 3 * CHANNELS]);
+            2
+        } else {
+            average_neighbours::<CHANNELS, ROWS, ODD>(rows, &mut tile[..bytes - CHANNELS]);
+            1
+        };
+        for k in done..KX - 1 {
             average_in_place(k.is_multiple_of(2) != ODD, CHANNELS << k, bytes, &mut tile);
         }
         average_at_steps::<CHANNELS, KX>((KX - 1).is_multiple_of(2) != ODD, &tile, out);
@@ -85,14 +91,34 @@ fn halfway_of_two(up: bool, a: u8, b: u8) -> u8 {
     ((u16::from(a) + u16::from(b) + u16::from(up)) / 2) as u8
 }
 
+/// Writes 32 bytes at every multiple of 32; the last ones reach back to be whole. False, and nothing written, for fewer.
+#[inline]
+#[target_feature(enable = "avx2")]
+fn fill(out: &mut [u8], bytes_at: impl Fn(usize) -> __m256i) -> bool {
+    let Some(last) = out.len().checked_sub(32) else { return false };
+    let to = out.as_mut_ptr();
+    // SAFETY: `at` is at most `last`, so 32 bytes of `out` are left.
+    let store = |at: usize| unsafe { _mm256_storeu_si256(to.add(at).cast(), bytes_at(at)) };
+    let mut at = 0;
+    while at + 32 <= last {
+        store(at);
+        store(at + 32);
+        at += 64;
+    }
+    if at < last {
+        store(at);
+    }
+    store(last);
+    true
+}
+
 /// Every byte's average over the rows, averaged with that of the next pixel; rows are a pixel longer than `out`.
 #[inline]
 #[target_feature(enable = "avx2")]
 fn average_neighbours<const CHANNELS: usize, const ROWS: usize, const ODD: bool>(rows: [&[u8]; ROWS], out: &mut [u8]) {
     let count = out.len();
     let rows = rows.map(|row| &row[..count + CHANNELS]);
-    let mut at = 0;
-    while at + 32 <= count {
+    let vectors = |at: usize| {
         let column = |at: usize| {
             // SAFETY: `at + 32` is at most `count + CHANNELS`, the length of a row.
             let row = |row: usize| unsafe { _mm256_loadu_si256(rows[row].as_ptr().add(at).cast()) };
@@ -102,10 +128,10 @@ fn average_neighbours<const CHANNELS: usize, const ROWS: usize, const ODD: bool>
                 _ => halfway(false, halfway(true, row(0), row(1)), halfway(true, row(2), row(3))),
             }
         };
-        let averages = halfway(!ODD, column(at), column(at + CHANNELS));
-        // SAFETY: 32 bytes of `out` are left.
-        unsafe { _mm256_storeu_si256(out.as_mut_ptr().add(at).cast(), averages) };
-        at += 32;
+        halfway(!ODD, column(at), column(at + CHANNELS))
+    };
+    if fill(out, vectors) {
+        return;
     }
     let column = |at: usize| match ROWS {
         1 => rows[0][at],
@@ -115,8 +141,28 @@ fn average_neighbours<const CHANNELS: usize, const ROWS: usize, const ODD: bool>
             halfway_of_two(false, upper, lower)
         }
     };
-    for (at, byte) in out.iter_mut().enumerate().skip(at) {
+    for (at, byte) in out.iter_mut().enumerate() {
         *byte = halfway_of_two(!ODD, column(at), column(at + CHANNELS));
+    }
+}
+
+/// The first two steps of one row at once: every byte's average over four pixels; the row is three pixels longer than `out`.
+#[inline]
+#[target_feature(enable = "avx2")]
+fn average_fours<const CHANNELS: usize, const ODD: bool>(row: &[u8], out: &mut [u8]) {
+    let row = &row[..out.len() + 3 * CHANNELS];
+    let vectors = |at: usize| {
+        // SAFETY: `at + 32` is at most the length of `row`: `fill` keeps to `out`, and three pixels are behind it.
+        let pixels = |at: usize| unsafe { _mm256_loadu_si256(row.as_ptr().add(at).cast()) };
+        let two = |at: usize| halfway(!ODD, pixels(at), pixels(at + CHANNELS));
+        halfway(ODD, two(at), two(at + 2 * CHANNELS))
+    };
+    if fill(out, vectors) {
+        return;
+    }
+    let two = |at: usize| halfway_of_two(!ODD, row[at], row[at + CHANNELS]);
+    for (at, byte) in out.iter_mut().enumerate() {
+        *byte = halfway_of_two(ODD, two(at), two(at + 2 * CHANNELS));
     }
 }
 
@@ -139,7 +185,7 @@ fn average_in_place(up: bool, distance: usize, bytes: usize, tile: &mut Tile) {
 /// Averages of pixels that lie half a box apart, from one half box to the next.
 #[inline]
 #[target_feature(enable = "avx2")]
-fn average_at_steps<const CHANNELS: usize, const KX: usize>(up: bool, tile: &Tile, out: &mut [u8]) {
+fn average_at_steps<const CHANNELS: usize, const KX: usize>(up: bool, pixels: &[u8], out: &mut [u8]) {
     let step = const { CHANNELS << (KX - 1) };
     // boxes of which 16 bytes hold the first pixels
     let together = const { (16 - CHANNELS) / (CHANNELS << (KX - 1)) + 1 };
@@ -147,14 +193,12 @@ fn average_at_steps<const CHANNELS: usize, const KX: usize>(up: bool, tile: &Til
     // SAFETY: the array is 16 bytes.
     let order = _mm256_broadcastsi128_si256(unsafe { _mm_loadu_si128(order.as_ptr().cast()) });
     let (from_step, to_step) = (together * step, together * CHANNELS);
-    assert!((out.len() / CHANNELS + 1) * step <= TILE);
     let (mut from, mut to) = (0, 0);
     // two windows at a time; bytes that are too many are written over by those that come next
-    while to + to_step + 16 <= out.len() {
+    while to + to_step + 16 <= out.len() && from + from_step + step + 16 <= pixels.len() {
         let load = |at: usize| {
-            // SAFETY: the boxes of both windows exist, the last one's half box ends inside the tile, and 16 bytes more
-            // are inside what lies behind.
-            unsafe { super::load_halves(tile.as_ptr().add(at).cast(), tile.as_ptr().add(at + from_step).cast()) }
+            // SAFETY: `at` is at most `from + step`, and `from + step + from_step + 16` bytes exist.
+            unsafe { super::load_halves(pixels.as_ptr().add(at).cast(), pixels.as_ptr().add(at + from_step).cast()) }
         };
         let pixels = _mm256_shuffle_epi8(halfway(up, load(from), load(from + step)), order);
         // SAFETY: `to + to_step + 16` bytes exist.
@@ -167,7 +211,7 @@ fn average_at_steps<const CHANNELS: usize, const KX: usize>(up: bool, tile: &Til
     for (index, pixel) in out[to..].chunks_exact_mut(CHANNELS).enumerate() {
         for (channel, byte) in pixel.iter_mut().enumerate() {
             let at = from + index * step + channel;
-            *byte = halfway_of_two(up, tile[at], tile[at + step]);
+            *byte = halfway_of_two(up, pixels[at], pixels[at + step]);
         }
     }
 }

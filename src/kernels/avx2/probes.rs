@@ -5,13 +5,13 @@
 use std::arch::x86_64::*;
 
 use super::bytes::{LOADED, Weights, colour_sums, store_colour};
-use super::{CELLS, Cells, Group, all_at_most, lanes, positions};
+use super::{CELLS, Cells, Group, all_at_most, lanes, positions, vector};
 use crate::cpu::Isa;
 use crate::kernels::average::Average;
 use crate::kernels::plane::Plane;
 use crate::kernels::{Probes, Source, scalar};
 use crate::table::Tap;
-use crate::table::block::{Block, LANES};
+use crate::table::block::{Basis, Block, LANES};
 
 /// Footprints whose probes' pixels exist, of an image of 3 or 4 channels.
 ///
@@ -25,28 +25,26 @@ pub(in crate::kernels) fn probes_u8<const CHANNELS: usize>(
 ) {
     let plane = Plane::new(source);
     let limit = plane.as_ref().map_or(-1, |plane| plane.limit(LOADED));
-    let (finish, columns) = (Finish::new(probes), probes.size.columns());
-    let width = source.image.width();
+    let (basis, finish) = (BasisPairs::new(probes.size.basis()), Finish::new(probes));
+    let (width, columns) = (source.image.width(), probes.size.columns());
     let (mut taps, mut rest, mut first) = (probes.taps, cells, probes.skip);
     for block in probes.blocks {
         let count = (columns - first).min(taps.len());
         let (own, cells);
         (own, taps) = taps.split_at(count);
         (cells, rest) = rest.split_at_mut(count * CHANNELS);
-        let sides = sides(probes, block);
+        let sides = basis.sides(probes, block);
         let eights = own.chunks(CELLS).zip(cells.chunks_mut(CELLS * CHANNELS));
         for (lane, (own, cells)) in (first..).step_by(CELLS).zip(eights) {
             let group = match own.first_chunk() {
                 Some(own) => {
-                    let eight = |side: &[i16; LANES]| eight(&side[lane..]);
+                    let eight = |side: &[u32; LANES]| *side[lane..].first_chunk().expect("eight are left");
                     Footprints::new(probes, block, sides.each_ref().map(eight), own, width)
                 }
                 // the last footprint fills the lanes that are too many
                 None => {
                     let nearest = |index: usize| index.min(own.len() - 1);
-                    let eight = |side: &[i16; LANES]| {
-                        eight(&std::array::from_fn::<i16, CELLS, _>(|index| side[lane + nearest(index)]))
-                    };
+                    let eight = |side: &[u32; LANES]| std::array::from_fn(|index| side[lane + nearest(index)]);
                     let own = std::array::from_fn(|index| own[nearest(index)]);
                     Footprints::new(probes, block, sides.each_ref().map(eight), &own, width)
                 }
@@ -68,27 +66,62 @@ pub(in crate::kernels) fn probes_u8<const CHANNELS: usize>(
     }
 }
 
-/// The sides of the footprints of a row of a block. Those with one probe stay 0: more than half of the cells of 10 cm have
-/// but one.
-#[inline]
-#[target_feature(enable = "avx2")]
-fn sides(probes: &Probes<'_>, block: &Block) -> [[i16; LANES]; 4] {
-    let (mut sides, basis) = ([[0; LANES]; 4], probes.size.basis());
-    for (side, lanes) in sides.iter_mut().enumerate() {
-        if probes.offsets[side / 2].len() > 1 {
-            *lanes = block.side(side, probes.half_rows, basis);
-        }
-    }
-    sides
+/// What evaluates [`Block::side`]: two polynomials of the basis side by side in each lane, for each half of the lanes.
+struct BasisPairs {
+    low: [__m256i; 2],
+    high: [__m256i; 2],
 }
 
-/// The first eight numbers.
-#[inline]
-#[target_feature(enable = "avx2")]
-fn eight(numbers: &[i16]) -> __m128i {
-    let eight: &[i16; CELLS] = numbers.first_chunk().expect("sides of eight footprints are left");
-    // SAFETY: eight numbers of 2 bytes.
-    unsafe { _mm_loadu_si128(eight.as_ptr().cast()) }
+impl BasisPairs {
+    #[inline]
+    #[target_feature(enable = "avx2")]
+    fn new(basis: &Basis) -> Self {
+        let pairs = |degree: usize, half: usize| {
+            let eight = |degree: usize| {
+                let (halves, _) = basis[degree].as_chunks::<CELLS>();
+                // SAFETY: eight numbers of 2 bytes.
+                _mm256_cvtepu16_epi32(unsafe { _mm_loadu_si128(halves[half].as_ptr().cast()) })
+            };
+            _mm256_or_si256(eight(degree), _mm256_slli_epi32::<16>(eight(degree + 1)))
+        };
+        Self { low: [pairs(0, 0), pairs(0, 1)], high: [pairs(2, 0), pairs(2, 1)] }
+    }
+
+    /// Of x and y: for each footprint of a row of a block the side along in the low, and the side down in the high half.
+    /// Those with one probe are 0: more than half of the cells of 10 cm have but one.
+    #[inline]
+    #[target_feature(enable = "avx2")]
+    fn sides(&self, probes: &Probes<'_>, block: &Block) -> [[u32; LANES]; 2] {
+        let mut sides = [[0; LANES]; 2];
+        let [has_along, has_down] = probes.offsets.map(|offsets| offsets.len() > 1);
+        if !has_along & !has_down {
+            return sides;
+        }
+        // SAFETY: sixteen numbers of 2 bytes.
+        let sixteen = |numbers: &[i16; 16]| unsafe { _mm256_loadu_si256(numbers.as_ptr().cast()) };
+        let changes = _mm256_mullo_epi16(sixteen(&block.changes), _mm256_set1_epi16(probes.half_rows));
+        let coefficients = _mm256_add_epi16(sixteen(&block.coefficients), changes);
+        let side = |side: usize, half: usize| {
+            let pair =
+                |index: usize| _mm256_permutevar8x32_epi32(coefficients, _mm256_set1_epi32((2 * side + index) as i32));
+            let low = _mm256_madd_epi16(pair(0), self.low[half]);
+            let high = _mm256_madd_epi16(pair(1), self.high[half]);
+            _mm256_srai_epi32::<7>(_mm256_add_epi32(low, high))
+        };
+        for (axis, sides) in sides.iter_mut().enumerate() {
+            for (half, eight) in sides.as_chunks_mut::<CELLS>().0.iter_mut().enumerate() {
+                let mut both = _mm256_setzero_si256();
+                if has_along {
+                    both = _mm256_and_si256(side(axis, half), _mm256_set1_epi32(0xffff));
+                }
+                if has_down {
+                    both = _mm256_or_si256(both, _mm256_slli_epi32::<16>(side(2 + axis, half)));
+                }
+                *eight = lanes(both);
+            }
+        }
+        sides
+    }
 }
 
 /// Eight footprints.
@@ -104,13 +137,7 @@ impl Footprints {
     /// Footprints of a row of a block, of these sides and cells.
     #[inline]
     #[target_feature(enable = "avx2")]
-    fn new(
-        probes: &Probes<'_>,
-        block: &Block,
-        [ax, ay, bx, by]: [__m128i; 4],
-        taps: &[Tap; CELLS],
-        width: usize,
-    ) -> Self {
+    fn new(probes: &Probes<'_>, block: &Block, sides: [[u32; CELLS]; 2], taps: &[Tap; CELLS], width: usize) -> Self {
         let taps = Group::load(taps);
         // the row is the whole part of (offset + 0.5) / width, see `Strided::inverse_width`
         let inverse = _mm256_set1_pd(1.0 / f64::from(probes.source_width));
@@ -132,8 +159,7 @@ impl Footprints {
         let y = _mm256_or_si256(_mm256_slli_epi32::<10>(row), fraction(_mm256_srli_epi32::<21>(taps.fractions)));
         let origin = |axis: usize| _mm256_set1_epi32(probes.origin[axis] - i32::from(block.offset[axis]));
         let centre = [_mm256_sub_epi32(x, origin(0)), _mm256_sub_epi32(y, origin(1))];
-        let pairs = |along, down| _mm256_set_m128i(_mm_unpackhi_epi16(along, down), _mm_unpacklo_epi16(along, down));
-        Self { centre, sides: [pairs(ax, bx), pairs(ay, by)], width: _mm256_set1_epi32(width as i32) }
+        Self { centre, sides: [vector(&sides[0]), vector(&sides[1])], width: _mm256_set1_epi32(width as i32) }
     }
 
     /// Where a probe looks, as a tap says it: offsets, and fractions of x in the low and of y in the high half of each lane.
