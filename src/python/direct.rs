@@ -4,7 +4,7 @@ use pyo3::prelude::*;
 
 use super::convert::{flag, matrix3, size};
 use super::detached;
-use super::dtype::{Samples, for_blended, for_moved};
+use super::dtype::{Samples, Taken, for_blended, for_moved};
 use super::image::{ImageArray, Output};
 use super::layout::Layout;
 use super::maps::{MapPair, map_array};
@@ -95,9 +95,10 @@ impl<'py> Call<'py> {
         threads: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Self> {
         Ok(Self {
-            interpolation: interpolation
-                .map_or(Ok(Interpolation::Bilinear), options::interpolation)?
-                .without_table()?,
+            interpolation: match interpolation.map_or(Ok(Taken::By(Interpolation::Bilinear)), options::interpolation)? {
+                Taken::By(interpolation) => interpolation.without_table()?,
+                Taken::Mode => return Err(Interpolation::table_needed("mode").into()),
+            },
             border_mode: border_mode.map_or(Ok(BorderMode::Constant), options::border_mode)?,
             threads: threads.map(|threads| options::thread_count("threads", threads)).transpose()?,
             border_value: BorderValue::new(border_value)?,
@@ -108,7 +109,7 @@ impl<'py> Call<'py> {
 
     /// Warps to an output of (rows, columns).
     fn run(self, mapping: &Mapping<'_>, shape: (usize, usize)) -> PyResult<Bound<'py, PyAny>> {
-        match Samples::of(self.image.dtype(), self.interpolation)? {
+        match Samples::of(self.image.dtype(), Taken::By(self.interpolation))? {
             Samples::Blended(kind) => for_blended!(kind, self.blended(mapping, shape)),
             Samples::Moved(bytes) | Samples::Ids { bytes, .. } => for_moved!(bytes, self.nearest(mapping, shape)),
         }

@@ -6,6 +6,13 @@ use pyo3::prelude::*;
 use super::error::classes::DtypeError;
 use crate::Interpolation;
 
+/// What `interpolation=` names: a way to take values from pixels, or the most frequent id.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Taken {
+    By(Interpolation),
+    Mode,
+}
+
 /// Samples that are blended, each in its own arithmetic.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Blended {
@@ -34,19 +41,19 @@ impl Samples {
     ///
     /// # Errors
     /// `DtypeError` where it does not take the dtype.
-    pub(super) fn of(dtype: &Bound<'_, PyArrayDescr>, interpolation: Interpolation) -> PyResult<Self> {
+    pub(super) fn of(dtype: &Bound<'_, PyArrayDescr>, taken: Taken) -> PyResult<Self> {
         let (kind, bytes) = (dtype.kind(), dtype.itemsize());
-        match interpolation {
-            Interpolation::Bilinear | Interpolation::Area => {
+        match taken {
+            Taken::By(interpolation @ (Interpolation::Bilinear | Interpolation::Area)) => {
                 blended(kind, bytes).map(Self::Blended).ok_or_else(|| not_blended(dtype, interpolation))
             }
-            Interpolation::Nearest => match (kind, bytes) {
+            Taken::By(Interpolation::Nearest) => match (kind, bytes) {
                 (b'b' | b'i' | b'u' | b'f', 1 | 2 | 4 | 8) => Ok(Self::Moved(bytes)),
                 _ => Err(DtypeError::new_err(format!(
                     "image: expected a bool, integer or float dtype of 1, 2, 4 or 8 bytes, got {dtype}"
                 ))),
             },
-            Interpolation::Mode => match (kind, bytes) {
+            Taken::Mode => match (kind, bytes) {
                 (b'b' | b'i' | b'u', 1 | 2 | 4 | 8) => Ok(Self::Ids { bytes, signed: kind == b'i' }),
                 _ => Err(DtypeError::new_err(format!(
                     "image: expected integer or bool ids for interpolation=\"mode\", got {dtype}; use interpolation=\"area\" for pictures"

@@ -9,7 +9,7 @@ use pyo3::types::{PyBytes, PyTuple, PyType};
 use super::camera::PyCamera;
 use super::convert::{Call, float, matrix3, size, tuple_text, type_name};
 use super::detached;
-use super::dtype::{Samples, for_blended, for_moved};
+use super::dtype::{Samples, Taken, for_blended, for_moved};
 use super::error::classes::{ArgumentTypeError, ImageError};
 use super::grid::PyBevGrid;
 use super::ground::{road, road_object};
@@ -124,15 +124,19 @@ impl PyLut {
         threads: Option<&Bound<'py, PyAny>>,
         layout: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let interpolation = interpolation.map_or(Ok(Interpolation::Bilinear), options::interpolation)?;
+        let taken = interpolation.map_or(Ok(Taken::By(Interpolation::Bilinear)), options::interpolation)?;
         let threads = threads.map(|threads| options::thread_count("threads", threads)).transpose()?;
         let layout = layout.map_or(Ok(Layout::Hwc), options::layout)?;
         let border_value = BorderValue::new(border_value)?;
         let out = Output::new(out)?;
         let image = ImageArray::new("image", shared::array("image", image, false)?, layout)?;
         self.check_size(&image)?;
+        let interpolation = match taken {
+            Taken::By(interpolation) => interpolation,
+            Taken::Mode => Interpolation::default(), // not looked at
+        };
         let job = Job { lut: &self.lut, image: &image, interpolation, border_value, out, threads };
-        match Samples::of(image.dtype(), interpolation)? {
+        match Samples::of(image.dtype(), taken)? {
             Samples::Blended(kind) => for_blended!(kind, job.blended()),
             Samples::Moved(bytes) => for_moved!(bytes, job.nearest()),
             Samples::Ids { bytes, signed: false } => for_moved!(bytes, job.mode()),

@@ -6,6 +6,7 @@ use pyo3::types::{PyBool, PyBytes, PyFloat, PyInt, PyList, PyTuple};
 
 use super::arrays;
 use super::convert::{Whole, text_of, type_name, whole_number, word};
+use super::dtype::Taken;
 use super::error::OrRefuse;
 use super::error::classes::{ArgumentError, ArgumentTypeError};
 use super::layout::Layout;
@@ -13,13 +14,13 @@ use crate::view::as_bytes_mut;
 use crate::{BorderMode, Interpolation, Sample};
 
 /// `"bilinear"`, `"nearest"`, `"area"` or `"mode"`.
-pub(super) fn interpolation(object: &Bound<'_, PyAny>) -> PyResult<Interpolation> {
+pub(super) fn interpolation(object: &Bound<'_, PyAny>) -> PyResult<Taken> {
     let expected = "interpolation: expected \"bilinear\", \"nearest\", \"area\" or \"mode\"";
     match word(expected, object)?.as_ref() {
-        "bilinear" => Ok(Interpolation::Bilinear),
-        "nearest" => Ok(Interpolation::Nearest),
-        "area" => Ok(Interpolation::Area),
-        "mode" => Ok(Interpolation::Mode),
+        "bilinear" => Ok(Taken::By(Interpolation::Bilinear)),
+        "nearest" => Ok(Taken::By(Interpolation::Nearest)),
+        "area" => Ok(Taken::By(Interpolation::Area)),
+        "mode" => Ok(Taken::Mode),
         other => Err(ArgumentError::new_err(format!("{expected}, got {other:?}"))),
     }
 }

@@ -86,13 +86,6 @@ impl Lut {
             let border = check(self, images, outs, options)?;
             return T::area(self, images, outs, &border, options);
         }
-        if options.interpolation == Interpolation::Mode {
-            return Err(Error::Interpolation {
-                expected: "a way to blend",
-                got: "mode",
-                mend: "warp_many_mode_into is for labels",
-            });
-        }
         run(self, images, outs, options, WarpOptions::kernels)
     }
 

@@ -10,7 +10,9 @@ use crate::parallel;
 use crate::view::buffer;
 use crate::view::{ImageView, Sample};
 
-/// How a cell's value is taken from the pixels around its coordinate.
+/// How a cell's value is taken from the pixels around its coordinate. The most frequent id of what it covers is not among
+/// these, because ids need no arithmetic and have an order:
+/// [`Lut::warp_many_mode_into`](crate::Lut::warp_many_mode_into).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub enum Interpolation {
     /// The nearest pixel, halves to even: no value that the image does not hold, so label images keep their ids.
@@ -21,8 +23,6 @@ pub enum Interpolation {
     /// The mean of the source over what the cell covers of it, at least a pixel: no aliasing where a cell is larger than a
     /// pixel, bilinear where it is not. For warps through a [`Lut`](crate::Lut).
     Area,
-    /// The id that most of what the cell covers has; see [`Lut::warp_many_mode_into`](crate::Lut::warp_many_mode_into).
-    Mode,
 }
 
 impl Interpolation {
@@ -32,7 +32,15 @@ impl Interpolation {
             Self::Nearest => "nearest",
             Self::Bilinear => "bilinear",
             Self::Area => "area",
-            Self::Mode => "mode",
+        }
+    }
+
+    /// What is wrong where a warp without a table is asked for this, which needs one.
+    pub fn table_needed(got: &'static str) -> Error {
+        Error::Interpolation {
+            expected: "\"bilinear\" or \"nearest\"",
+            got,
+            mend: "for \"area\" and \"mode\" make a Lut (from_maps, from_homography) and use its warp",
         }
     }
 
@@ -43,11 +51,7 @@ impl Interpolation {
     pub fn without_table(self) -> Result<Self> {
         match self {
             Self::Nearest | Self::Bilinear => Ok(self),
-            Self::Area | Self::Mode => Err(Error::Interpolation {
-                expected: "\"bilinear\" or \"nearest\"",
-                got: self.name(),
-                mend: "for \"area\" and \"mode\" make a Lut (from_maps, from_homography) and use its warp",
-            }),
+            Self::Area => Err(Self::table_needed(self.name())),
         }
     }
 }
@@ -134,7 +138,7 @@ impl<T: Bilinear> WarpOptions<T> {
     pub(super) fn kernels(&self, images: &[ImageView<'_, T>]) -> Result<RowKernels<T>> {
         let contiguous = images.iter().all(ImageView::is_contiguous);
         match self.interpolation {
-            Interpolation::Nearest | Interpolation::Mode => self.nearest_kernels(images),
+            Interpolation::Nearest => self.nearest_kernels(images),
             Interpolation::Bilinear | Interpolation::Area => {
                 Ok(RowKernels::bilinear(self.isa()?, images[0].channels(), contiguous))
             }

@@ -38,7 +38,7 @@ pub fn sample<T: Copy + Into<f64>>(
         }
     };
     let value = |channel: usize| match interpolation {
-        Interpolation::Nearest | Interpolation::Mode => pixel(u.round_ties_even(), v.round_ties_even(), channel),
+        Interpolation::Nearest => pixel(u.round_ties_even(), v.round_ties_even(), channel),
         // area and mode of a footprint of a pixel
         Interpolation::Bilinear | Interpolation::Area => {
             let (x, y) = (u.floor(), v.floor());
