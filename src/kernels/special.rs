@@ -60,6 +60,7 @@ pub(super) fn nearest<T: Sample>(isa: Isa, pixel_bytes: usize) -> Option<RowKern
 
 /// Nearest where the nearest pixels are known, for pixels of so many bytes. AVX2 alone has it: 0.25 ms of the seed job where
 /// taps take 0.5; AVX-512 makes pixels of taps as fast as they are loaded.
+#[cfg_attr(not(target_arch = "x86_64"), expect(unused_variables, reason = "only x86-64 has such kernels"))]
 pub(super) fn copy<T: Sample>(isa: Isa, pixel_bytes: usize) -> Option<CopyKernel<T>> {
     by_isa!(
         isa,
@@ -111,6 +112,7 @@ pub(super) fn bilinear_u8(isa: Isa, channels: usize) -> Option<RowKernel<u8>> {
 }
 
 /// Averages of probes into 8-bit images.
+#[cfg_attr(not(target_arch = "x86_64"), expect(unused_variables, reason = "only x86-64 has such kernels"))]
 pub(super) fn probes_u8(isa: Isa, channels: usize) -> Option<ProbesKernel<u8>> {
     by_isa!(
         isa,
