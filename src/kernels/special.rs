@@ -58,8 +58,8 @@ pub(super) fn nearest<T: Sample>(isa: Isa, pixel_bytes: usize) -> Option<RowKern
     )
 }
 
-/// Nearest where the nearest pixels are known, for pixels of so many bytes. AVX2 alone has it: 0.25 ms of the seed job where
-/// taps take 0.5; AVX-512 makes pixels of taps as fast as they are loaded.
+/// Nearest where the nearest pixels are known, for pixels of so many bytes. AVX2 alone has it (decision 0001); with AVX-512 it
+/// was not tried.
 #[cfg_attr(not(target_arch = "x86_64"), expect(unused_variables, reason = "only x86-64 has such kernels"))]
 pub(super) fn copy<T: Sample>(isa: Isa, pixel_bytes: usize) -> Option<CopyKernel<T>> {
     by_isa!(
