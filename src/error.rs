@@ -401,6 +401,14 @@ pub enum Error {
         /// Values that came.
         got: usize,
     },
+    /// Cameras, masks, images or gains that make no rig.
+    #[error("rig: expected {expected}, got {got}")]
+    Rig {
+        /// What a rig needs.
+        expected: &'static str,
+        /// What came.
+        got: String,
+    },
     /// An image with another number of channels than its coding of depth has.
     #[error("image: expected {expected} channels for this coding of depth, got {got}")]
     DepthChannels {

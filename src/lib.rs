@@ -33,6 +33,7 @@ mod parallel;
 #[cfg(feature = "python")]
 mod python;
 pub mod raster;
+pub mod rig;
 mod table;
 pub mod view;
 pub mod warp;

@@ -66,6 +66,7 @@ from ipm_rs.errors import (
     OutOfMemoryError,
 )
 from ipm_rs.layers import Layers
+from ipm_rs.rig import Rig, RigLut
 
 if TYPE_CHECKING:
     from ipm_rs import pointfile, reference
@@ -98,6 +99,8 @@ __all__ = [
     "PixelRays",
     "Plane",
     "RadialPolynomial",
+    "Rig",
+    "RigLut",
     "__version__",
     "calibration",
     "cpu_info",

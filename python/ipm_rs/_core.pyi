@@ -24,6 +24,7 @@ __all__ = [
     "PixelRays",
     "Plane",
     "RadialPolynomial",
+    "_RigTable",
     "__version__",
     "cpu_info",
     "decode_carla_depth",
@@ -1330,6 +1331,41 @@ class HeightMap:
     def __ne__(self, other: object, /) -> bool: ...
     def __hash__(self) -> int: ...
     def __reduce__(self) -> tuple[Any, tuple[Any, ...]]: ...
+
+@final
+class _RigTable:
+    def __new__(
+        cls,
+        names: list[str],
+        cameras: list[Camera],
+        grid: BevGrid,
+        *,
+        ground: float | Plane | HeightMap,
+        masks: list[NDArray[Any] | None],
+        exclude: list[NDArray[np.float64]],
+        blend: str,
+        feather: float,
+    ) -> _RigTable: ...
+    def without(self, missing: list[int]) -> _RigTable: ...
+    @property
+    def nbytes(self) -> int: ...
+    def mask(self) -> NDArray[np.bool_]: ...
+    def source(self) -> NDArray[np.int16]: ...
+    def weights(self, camera: int) -> NDArray[np.float32]: ...
+    def warp(
+        self,
+        images: list[Any],
+        *,
+        interpolation: str,
+        gains: NDArray[np.float64] | None,
+        border_value: float | Sequence[float],
+        out: Any,
+        threads: int | None,
+        layout: str,
+    ) -> NDArray[Any]: ...
+    def gains(self, images: list[Any], previous: NDArray[np.float64] | None) -> NDArray[np.float32]: ...
+    def __eq__(self, other: object, /) -> bool: ...
+    def __ne__(self, other: object, /) -> bool: ...
 
 @final
 class Lut:

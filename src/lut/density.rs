@@ -33,13 +33,22 @@ impl Lut {
     /// [`Error::AreaSize`](crate::Error::AreaSize), [`Error::Isa`](crate::Error::Isa).
     pub fn resolved_mask(&self, minimum: f64) -> Result<Vec<bool>> {
         let mut mask = buffer::zeroed("resolved_mask", self.rows() * self.columns())?;
-        self.for_each_footprint(&mut mask, |[ax, ay, bx, by]| {
-            // the smaller singular value of the matrix with these columns: the area by the larger one
-            let (sum, area) = (ax * ax + ay * ay + bx * bx + by * by, (ax * by - ay * bx).abs());
-            let largest = ((sum + (sum * sum - 4.0 * area * area).max(0.0).sqrt()) / 2.0).sqrt();
+        self.for_each_footprint(&mut mask, |sides| {
+            let (area, largest) = area_and_length(sides);
             [area >= minimum * largest]
         })?;
         Ok(mask)
+    }
+
+    /// Source pixels a cell in the direction on the output in which there are fewest, row-major; NaN where the cell is not
+    /// valid.
+    pub(crate) fn resolution(&self) -> Result<Vec<f32>> {
+        let mut resolution = buffer::filled("resolution", self.rows() * self.columns(), f32::NAN)?;
+        self.for_each_footprint(&mut resolution, |sides| {
+            let (area, largest) = area_and_length(sides);
+            [if largest > 0.0 { (area / largest) as f32 } else { 0.0 }]
+        })?;
+        Ok(resolution)
     }
 
     /// Writes what `of` says of the footprint of every valid cell: (x, y) of the side along the row, then of the one down
@@ -71,4 +80,11 @@ impl Lut {
             Ok(())
         })
     }
+}
+
+/// The area of a parallelogram, and the larger singular value of the matrix with its sides as columns: the smaller one is
+/// the area by it.
+fn area_and_length([ax, ay, bx, by]: [f64; 4]) -> (f64, f64) {
+    let (sum, area) = (ax * ax + ay * ay + bx * bx + by * by, (ax * by - ay * bx).abs());
+    (area, ((sum + (sum * sum - 4.0 * area * area).max(0.0).sqrt()) / 2.0).sqrt())
 }

@@ -118,6 +118,11 @@ impl Lut {
         Ok(Self { scene: Some(Box::new(scene)), ..self })
     }
 
+    /// The table of some of its cells, those for which `keep` is true.
+    pub(crate) fn restricted(&self, keep: &[bool]) -> Result<Self> {
+        Ok(Self::of_table(self.table.restricted(keep)?))
+    }
+
     pub(crate) fn table(&self) -> &Table {
         &self.table
     }

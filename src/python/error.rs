@@ -99,6 +99,7 @@ impl From<Error> for PyErr {
             Error::EmptyImage { .. }
             | Error::ImageBuffer { .. }
             | Error::SizeMismatch { .. }
+            | Error::Rig { .. }
             | Error::ImageCount { .. }
             | Error::MixedChannels { .. }
             | Error::DepthChannels { .. }

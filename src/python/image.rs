@@ -191,6 +191,11 @@ impl<'py> ImageArray<'py> {
         self.samples * self.planes.count
     }
 
+    /// How many images a batch has; 1 where there is no such axis.
+    pub(super) fn images(&self) -> usize {
+        self.batch.count
+    }
+
     pub(super) fn shape(&self) -> &[usize] {
         self.array.shape()
     }

@@ -47,6 +47,7 @@ mod options;
 mod outputs;
 mod points;
 mod raster;
+mod rig;
 mod shapes;
 mod shared;
 mod warnings;
@@ -83,6 +84,8 @@ mod core_module {
     use super::lut::PyLut;
     #[pymodule_export]
     use super::raster::rasterize;
+    #[pymodule_export]
+    use super::rig::PyRigTable;
     #[pymodule_export]
     use super::shapes::{rasterize_boxes, rasterize_polygons};
     #[pymodule_export]

@@ -10,6 +10,7 @@ use std::ops::Range;
 pub(crate) mod block;
 mod bytes;
 pub(crate) mod pattern;
+mod restricted;
 mod tap;
 
 pub(crate) use tap::{ONE, SpanKind, Tap, framed, unframed};
@@ -169,8 +170,8 @@ impl Table {
         let rows = first..(first + band_rows).min(self.rows);
         let spans = &self.bands[index];
         let taps = &self.taps[first * self.columns..][..spans.taps()];
-        // SAFETY: the layout is the same, and these were written: who adds a row to a band's spans, `RowSpans::push` and the
-        // reader of bytes, writes as many taps as they say behind those of the row before, from the band's first on.
+        // SAFETY: the layout is the same, and these were written: who adds a row to a band's spans, `RowSpans::push`, the reader
+        // of bytes and the restricted table, writes as many taps as they say behind those of the row before, from the band's first on.
         let taps = unsafe { &*(std::ptr::from_ref(taps) as *const [Tap]) };
         Band { rows, spans, taps }
     }

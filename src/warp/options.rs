@@ -94,7 +94,7 @@ impl<T: Copy> WarpOptions<T> {
     }
 
     /// How many threads to use for so many cells of so many channels.
-    pub(super) fn threads_for(&self, cells: usize, channels: usize) -> Result<usize> {
+    pub(crate) fn threads_for(&self, cells: usize, channels: usize) -> Result<usize> {
         let threads = self.threads.unwrap_or_else(parallel::num_threads);
         parallel::check_threads(threads)?;
         Ok(if cells * traffic(channels * size_of::<T>()) < INLINE_TRAFFIC { 1 } else { threads })
@@ -116,7 +116,7 @@ impl<T: Copy> WarpOptions<T> {
     }
 
     /// The border value of each channel, or of each plane in turn, if [`Self::check_border`] allows.
-    pub(super) fn border(&self, channels: usize, images: usize) -> Result<Cow<'_, [T]>> {
+    pub(crate) fn border(&self, channels: usize, images: usize) -> Result<Cow<'_, [T]>> {
         self.check_border(channels, images)?;
         match *self.border_value {
             [value] if channels > 1 => Ok(Cow::Owned(buffer::filled("border_value", channels, value)?)),
@@ -127,7 +127,7 @@ impl<T: Copy> WarpOptions<T> {
 
 impl<T: Sample> WarpOptions<T> {
     /// The kernels of nearest for images of one number of channels, of which there is at least one.
-    pub(super) fn nearest_kernels(&self, images: &[ImageView<'_, T>]) -> Result<RowKernels<T>> {
+    pub(crate) fn nearest_kernels(&self, images: &[ImageView<'_, T>]) -> Result<RowKernels<T>> {
         let contiguous = images.iter().all(ImageView::is_contiguous);
         Ok(RowKernels::nearest(self.isa()?, images[0].channels(), contiguous))
     }
@@ -135,7 +135,7 @@ impl<T: Sample> WarpOptions<T> {
 
 impl<T: Bilinear> WarpOptions<T> {
     /// The kernels of these options' interpolation, likewise; of area those for cells that see no more than a pixel.
-    pub(super) fn kernels(&self, images: &[ImageView<'_, T>]) -> Result<RowKernels<T>> {
+    pub(crate) fn kernels(&self, images: &[ImageView<'_, T>]) -> Result<RowKernels<T>> {
         let contiguous = images.iter().all(ImageView::is_contiguous);
         match self.interpolation {
             Interpolation::Nearest => self.nearest_kernels(images),

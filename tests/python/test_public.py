@@ -46,6 +46,8 @@ MEMBERS = {
     "source_size nbytes camera grid ground",
     "PixelRays": "camera nbytes",
     "Layers": "",
+    "Rig": "cameras subset moved to_json save load",
+    "RigLut": "rig grid ground shape nbytes mask source weights warp without gains",
 }
 BASES = {
     "IpmError": (Exception,),

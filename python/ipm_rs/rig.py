@@ -1,0 +1,530 @@
+"""Rings of cameras: `Rig`, the cameras by their names, and `RigLut`, one bird's-eye view of all of them."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ipm_rs._core import BevGrid, Camera, HeightMap, Plane, _RigTable
+from ipm_rs.errors import ArgumentError, ArgumentTypeError, CalibrationError
+
+__all__ = ["Rig", "RigLut"]
+
+_FORMAT = "ipm_rs rig"
+_VERSION = 1
+
+Images = Mapping[str, Any] | Sequence[Any]
+Missing = Literal["next", "border"]
+
+
+class Rig(Mapping[str, Camera]):
+    """The cameras of a vehicle by their names, all posed in one vehicle frame. Immutable, comparable, picklable.
+
+    It is an ordered mapping: ``rig["front"]``, ``list(rig)``, ``len(rig)``, ``rig.items()``.
+
+    Parameters
+    ----------
+    cameras : mapping of str to Camera
+        At least one; the order is kept.
+
+    Raises
+    ------
+    ArgumentError, ArgumentTypeError
+        There is no camera, or something else in its place.
+    """
+
+    __slots__ = ("_cameras",)
+
+    def __init__(self, cameras: Mapping[str, Camera]) -> None:
+        if not isinstance(cameras, Mapping):
+            raise ArgumentTypeError(
+                f"cameras: expected a mapping of names to cameras, got {type(cameras).__name__}; "
+                'write Rig({"front": camera, ...})'
+            )
+        for name, camera in cameras.items():
+            if not isinstance(name, str):
+                raise ArgumentTypeError(f"cameras: expected names that are text, got {name!r:.60}; use str(...)")
+            if not isinstance(camera, Camera):
+                raise ArgumentTypeError(
+                    f"cameras[{name!r}]: expected an ipm_rs.Camera, got {type(camera).__name__}; Camera.load reads one"
+                )
+        if not cameras:
+            raise ArgumentError("cameras: expected at least one, got none; pass a mapping of names to cameras")
+        self._cameras = dict(cameras)
+
+    @property
+    def cameras(self) -> dict[str, Camera]:
+        """The cameras by their names, as a new dict."""
+        return dict(self._cameras)
+
+    def __getitem__(self, name: str) -> Camera:
+        if name not in self._cameras:
+            raise KeyError(f"{name!r} is none of {', '.join(map(repr, self._cameras))}")
+        return self._cameras[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._cameras)
+
+    def __len__(self) -> int:
+        return len(self._cameras)
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Rig):
+            return NotImplemented
+        return list(self._cameras.items()) == list(other._cameras.items())
+
+    def __hash__(self) -> int:
+        return hash(tuple(self._cameras.items()))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Rig, (dict(self._cameras),)
+
+    def __repr__(self) -> str:
+        return f"Rig({', '.join(f'{name}: {w}x{h}' for name, (w, h) in self._sizes())})"
+
+    def _sizes(self) -> Iterator[tuple[str, tuple[int, int]]]:
+        return ((name, camera.image_size) for name, camera in self._cameras.items())
+
+    def subset(self, names: Iterable[str]) -> Rig:
+        """Return the rig of some of its cameras, in the order of `names`.
+
+        Raises
+        ------
+        ArgumentError
+            A name is none of the rig's, or there is none.
+        """
+        wanted = [names] if isinstance(names, str) else list(names)
+        self._check_names("names", wanted)
+        return Rig({name: self._cameras[name] for name in wanted})
+
+    def moved(self, map_from_vehicle: ArrayLike) -> Rig:
+        """Return the rig in another frame: its cameras' vehicle frame becomes that of a map.
+
+        Parameters
+        ----------
+        map_from_vehicle : (4, 4) array_like
+            Where the vehicle stands, a rigid transform, metres.
+
+        Raises
+        ------
+        CalibrationError
+            It is not rigid.
+        """
+        moved = {
+            name: Camera(
+                camera.intrinsics,
+                image_size=camera.image_size,
+                vehicle_from_camera=np.asarray(map_from_vehicle, dtype=float) @ camera.vehicle_from_camera,
+                lens=camera.lens,
+            )
+            for name, camera in self._cameras.items()
+        }
+        return Rig(moved)
+
+    def to_json(self) -> str:
+        """Return the rig as JSON text, each float to the last bit."""
+        import json  # with what it needs, only here
+
+        cameras = {name: json.loads(camera.to_json()) for name, camera in self._cameras.items()}
+        return json.dumps({"format": _FORMAT, "version": _VERSION, "cameras": cameras}, indent=2) + "\n"
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the rig as a JSON file, whole or not at all; `load` gives an equal rig.
+
+        Raises
+        ------
+        FileError
+            The file cannot be written.
+        ArgumentTypeError
+            `path` is no path.
+        """
+        from ipm_rs.files.atomic import as_path, atomically
+
+        text = self.to_json()
+        with atomically(as_path(path)) as file:
+            file.write(text.encode())
+
+    @staticmethod
+    def load(path: str | os.PathLike[str]) -> Rig:
+        """Read a rig that `save` wrote.
+
+        Raises
+        ------
+        MissingFileError, FileError
+            The file cannot be read.
+        CalibrationError
+            It is of another format or of a newer version, or its numbers cannot be right.
+        """
+        from ipm_rs.calibration._files import open_document
+
+        document = open_document(path, "rig", argument="path")
+        content = document.json if document.is_json else None
+        if not isinstance(content, Mapping) or content.get("format") != _FORMAT:
+            raise CalibrationError(
+                f"{document.origin}: expected a file that Rig.save wrote, got another; read each camera, "
+                'Rig({"front": Camera.load(...), ...})'
+            )
+        if content.get("version") != _VERSION:
+            raise CalibrationError(
+                f"{document.origin}: expected version {_VERSION}, got {content.get('version')!r:.20}; "
+                "install a newer ipm_rs"
+            )
+        cameras = content.get("cameras")
+        if not isinstance(cameras, Mapping) or not cameras:
+            raise CalibrationError(f"{document.origin}: expected cameras by their names, got {type(cameras).__name__}")
+        return Rig({str(name): Camera.from_json(camera) for name, camera in cameras.items()})
+
+    def _check_names(self, what: str, names: Iterable[str]) -> None:
+        unknown = [name for name in names if name not in self._cameras]
+        if unknown:
+            raise ArgumentError(f"{what}: expected names of {self!r}, got {unknown[0]!r}; pass one of {list(self)}")
+
+
+class RigLut:
+    """Where every cell of one bird's-eye view samples the images of a rig's cameras, and by which weights.
+
+    Built once, used for every set of images. A view depends neither on the number of threads nor on the order of the
+    cameras. Comparable, picklable (a pickle builds it again).
+
+    Parameters
+    ----------
+    rig : Rig or mapping of str to Camera
+        The cameras.
+    grid : BevGrid
+        The grid on the road.
+    ground : float, Plane or HeightMap
+        The road, as for `Lut`.
+    masks : mapping of str to (H, W) array, optional
+        For some of the cameras, which pixels show the road: True, or not 0. The own bonnet, the rim of a fisheye's
+        circle, mirrors. A cell whose footprint touches any other pixel is not seen by that camera.
+    exclude : sequence of (M, 2) arrays, optional
+        Polygons on the ground, metres, whose cells are not shown: the own car. One polygon may be given as it is.
+    blend : {"best", "feather", "priority"}
+        Who shows a cell that several see. "best": the camera that resolves it best in its worse direction; "priority":
+        the first in the rig's order; both are mixed along seams. "feather": all that see it, the more the farther it is
+        from the edge of what they see.
+    feather : float
+        Metres across which cameras are mixed along a seam; 0 is a hard one.
+
+    Raises
+    ------
+    ArgumentError, ArgumentTypeError, ImageError
+        An argument is of another kind, a name is none of the rig's, a mask has another size than its images.
+    OutOfMemoryError
+        There is not enough memory for the tables.
+    """
+
+    def __init__(
+        self,
+        rig: Rig | Mapping[str, Camera],
+        grid: BevGrid,
+        *,
+        ground: float | Plane | HeightMap = 0.0,
+        masks: Mapping[str, ArrayLike | None] | None = None,
+        exclude: Sequence[ArrayLike] | ArrayLike | None = None,
+        blend: Literal["best", "feather", "priority"] = "best",
+        feather: float = 0.5,
+    ) -> None:
+        self._rig = rig if isinstance(rig, Rig) else Rig(rig)
+        if not isinstance(grid, BevGrid):
+            raise ArgumentTypeError(f"grid: expected an ipm_rs.BevGrid, got {type(grid).__name__}")
+        if masks is not None and not isinstance(masks, Mapping):
+            raise ArgumentTypeError(f"masks: expected a mapping of names to masks, got {type(masks).__name__}")
+        self._rig._check_names("masks", masks or ())
+        self._grid, self._ground = grid, ground
+        # copies: who changes a mask later must not change what a pickle builds
+        given = {name: None if mask is None else np.array(mask) for name, mask in (masks or {}).items()}
+        self._options: dict[str, Any] = {
+            "masks": given,
+            "exclude": [np.array(polygon, dtype=float) for polygon in _polygons(exclude)],
+            "blend": blend,
+            "feather": feather,
+        }
+        self._left_out: dict[tuple[frozenset[str], Missing], RigLut] = {}
+        self._of: tuple[RigLut, list[str]] | None = (
+            None  # whose table this is without the cameras that are not in the list
+        )
+        self._table = _RigTable(
+            list(self._rig),
+            list(self._rig.values()),
+            grid,
+            ground=ground,
+            masks=[given.get(name) for name in self._rig],
+            exclude=self._options["exclude"],
+            blend=blend,
+            feather=feather,
+        )
+
+    @property
+    def rig(self) -> Rig:
+        """The cameras."""
+        return self._rig
+
+    @property
+    def grid(self) -> BevGrid:
+        """The grid of the cells."""
+        return self._grid
+
+    @property
+    def ground(self) -> float | Plane | HeightMap:
+        """The road."""
+        return self._ground
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(rows, columns)."""
+        return self._grid.shape
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes that tables and weights hold."""
+        return self._table.nbytes
+
+    @property
+    def mask(self) -> NDArray[np.bool_]:
+        """Which cells a camera shows, (rows, columns) bool."""
+        return self._table.mask()
+
+    @property
+    def source(self) -> NDArray[np.int16]:
+        """The camera that counts most in each cell, (rows, columns) int16: its place in the rig, or -1 for none."""
+        return self._table.source()
+
+    def weights(self, name: str) -> NDArray[np.float32]:
+        """Return the weight of a camera in each cell, (rows, columns) float32; those of all cameras sum to 1 or 0.
+
+        Raises
+        ------
+        ArgumentError
+            The name is none of the rig's.
+        """
+        self._rig._check_names("name", [name])
+        return self._table.weights(list(self._rig).index(name))
+
+    def warp(
+        self,
+        images: Images,
+        *,
+        interpolation: Literal["nearest", "bilinear", "area", "mode"] = "bilinear",
+        gains: Mapping[str, ArrayLike] | None = None,
+        missing: Missing | None = None,
+        border_value: float | Sequence[float] = 0,
+        out: Any = None,
+        threads: int | None = None,
+        layout: Literal["HWC", "CHW", "NHWC", "NCHW"] = "HWC",
+    ) -> NDArray[Any]:
+        """Make one bird's-eye view of the images of all cameras.
+
+        Parameters
+        ----------
+        images : mapping of str to array, or sequence
+            The cameras' images by their names, or in the rig's order; each as `Lut.warp` takes it, of its camera's
+            size, all of one dtype and number of channels.
+        interpolation : {"bilinear", "nearest", "area", "mode"}
+            As for `Lut.warp`. Bilinear and area mix along seams; nearest and mode take the camera that counts most, so
+            that ids stay what they are.
+        gains : mapping of str to float or (channels,) array, optional
+            Factors by which the images are multiplied; those of `gains`. A camera that is not in it is left as it is.
+        missing : {"next", "border"}, optional
+            What becomes of images that are None or not in the mapping, a dropped frame: "next" gives their cells to
+            the next best camera that sees them, "border" the border value; by default they are refused. `without`
+            returns the table that is then used, with its mask; it is made at the first such call.
+        border_value : float or sequence of float
+            What cells get that no camera shows; one, or one for each channel.
+        out : array, optional
+            Where to write; of the result's shape and dtype.
+        threads : int, optional
+            At most so many.
+        layout : {"HWC", "CHW", "NHWC", "NCHW"}
+            The order of the images' axes, and of the result's.
+
+        Returns
+        -------
+        ndarray
+            (rows, columns) or (rows, columns, channels), of the images' dtype; or `out`.
+
+        Raises
+        ------
+        ImageError, DtypeError
+            Images have other sizes than their cameras', or differ in dtype or channels.
+        ArgumentError, ArgumentTypeError
+            Images are missing or too many; another argument is wrong.
+        """
+        given = self._by_name(images)
+        dropped = [name for name in self._rig if given.get(name) is None]
+        if dropped and missing is None:
+            raise ArgumentError(
+                f"images: expected one for each camera, got none for {', '.join(map(repr, dropped))}; "
+                'missing="next" gives their cells to other cameras, missing="border" leaves them out'
+            )
+        if dropped:
+            fewer = self.without(dropped, missing=missing or "next")
+            known = None if gains is None else {name: gains[name] for name in gains if name not in dropped}
+            return fewer.warp(
+                {name: given[name] for name in fewer.rig},
+                interpolation=interpolation,
+                gains=known,
+                border_value=border_value,
+                out=out,
+                threads=threads,
+                layout=layout,
+            )
+        return self._table.warp(
+            [given[name] for name in self._rig],
+            interpolation=interpolation,
+            gains=None if gains is None else self._gain_rows("gains", gains),
+            border_value=border_value,
+            out=out,
+            threads=threads,
+            layout=layout,
+        )
+
+    def without(self, names: Iterable[str], *, missing: Missing = "next") -> RigLut:
+        """Return the table for the other cameras, where images of some are missing.
+
+        Parameters
+        ----------
+        names : iterable of str
+            Cameras of the rig, not all of them.
+        missing : {"next", "border"}
+            Whether their cells go to the next best camera that sees them, or to nobody.
+
+        Raises
+        ------
+        ArgumentError
+            A name is none of the rig's, or no camera is left; `missing` is something else.
+        """
+        dropped = frozenset([names] if isinstance(names, str) else names)
+        self._rig._check_names("names", dropped)
+        if missing not in ("next", "border"):
+            raise ArgumentError(f'missing: expected "next" or "border", got {missing!r:.60}')
+        left = [name for name in self._rig if name not in dropped]
+        if not left:
+            raise ArgumentError("names: expected at least one camera whose image is there, got none")
+        key: tuple[frozenset[str], Missing] = (dropped, missing)
+        found = self._left_out.get(key)
+        if found is None:
+            found = self._without(left, missing)
+            if len(self._left_out) >= 8:  # as many tables as frames drop together; a table may have 50 MB
+                self._left_out.pop(next(iter(self._left_out)))
+            self._left_out[key] = found
+        return found
+
+    def _without(self, left: list[str], missing: Missing) -> RigLut:
+        masks = {name: mask for name, mask in self._options["masks"].items() if name in left}
+        options = {**self._options, "masks": masks}
+        rig = self._rig.subset(left)
+        if missing == "next":
+            return RigLut(rig, self._grid, ground=self._ground, **options)
+        fewer = RigLut.__new__(RigLut)
+        fewer._rig, fewer._grid, fewer._ground = rig, self._grid, self._ground
+        fewer._options, fewer._left_out, fewer._of = options, {}, (self, left)
+        fewer._table = self._table.without([k for k, name in enumerate(self._rig) if name not in left])
+        return fewer
+
+    def gains(self, images: Images, previous: Mapping[str, ArrayLike] | None = None) -> dict[str, NDArray[np.float32]]:
+        """Measure how bright the cameras are beside each other, from what two of them see of the same road.
+
+        Gains are the least-squares solution for the medians of the ratios of all pairs in up to 4096 cells, of
+        geometric mean 1 for each channel. Saturated samples and zeros do not count; a camera that shares nothing
+        keeps 1.
+
+        Parameters
+        ----------
+        images : mapping of str to array, or sequence
+            As for `warp`, (H, W) or (H, W, C).
+        previous : mapping of str to (channels,) array, optional
+            The gains of the frame before: the result goes a tenth of the way from them to those of these images, so
+            that nothing flickers.
+
+        Returns
+        -------
+        dict of str to (channels,) float32
+            The factors that `warp` takes.
+
+        Raises
+        ------
+        ImageError, DtypeError, ArgumentError, ArgumentTypeError
+            As for `warp`; all images are needed.
+        """
+        given = self._by_name(images)
+        dropped = [name for name in self._rig if given.get(name) is None]
+        if dropped:
+            raise ArgumentError(f"images: expected one for each camera, got none for {', '.join(map(repr, dropped))}")
+        rows = None if previous is None else self._gain_rows("previous", previous)
+        found = self._table.gains([given[name] for name in self._rig], rows)
+        return dict(zip(self._rig, found, strict=True))
+
+    def _by_name(self, images: Images) -> dict[str, Any]:
+        if isinstance(images, Mapping):
+            self._rig._check_names("images", images)
+            return dict(images)
+        if isinstance(images, np.ndarray) or not isinstance(images, Sequence) or isinstance(images, (str, bytes)):
+            raise ArgumentTypeError(
+                f"images: expected a mapping of names to images, or a list of them, got {type(images).__name__}; "
+                f"write {{{next(iter(self._rig))!r}: image, ...}}"
+            )
+        if len(images) != len(self._rig):
+            raise ArgumentError(
+                f"images: expected {len(self._rig)}, one for each of {list(self._rig)}, got {len(images)}; "
+                "give None for one that is missing"
+            )
+        return dict(zip(self._rig, images, strict=True))
+
+    def _gain_rows(self, what: str, gains: Mapping[str, ArrayLike]) -> NDArray[np.float64]:
+        """One row for each camera, of one number or of one for each channel."""
+        if not isinstance(gains, Mapping):
+            raise ArgumentTypeError(f"{what}: expected a mapping of names to factors, got {type(gains).__name__}")
+        self._rig._check_names(what, gains)
+        try:
+            rows = [np.atleast_1d(np.asarray(gains.get(name, 1.0), dtype=float)) for name in self._rig]
+            return np.stack(np.broadcast_arrays(*rows)).reshape(len(rows), -1)
+        except (TypeError, ValueError) as error:
+            raise ArgumentError(
+                f"{what}: expected a factor for each camera, or one for each of its channels, got {gains!r:.120}"
+            ) from error
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, RigLut):
+            return NotImplemented
+        return self._rig == other._rig and self._grid == other._grid and self._table == other._table
+
+    def __hash__(self) -> int:
+        return hash((self._rig, self._grid))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        if self._of is not None:
+            whole, left = self._of
+            return _rebuilt_without, (whole, [name for name in whole._rig if name not in left])
+        return _rebuilt, (self._rig, self._grid, self._ground, self._options)
+
+    def __repr__(self) -> str:
+        rows, columns = self.shape
+        megabytes = self.nbytes / 1e6
+        return f"RigLut({rows} rows x {columns} columns of {len(self._rig)} cameras, {megabytes:.2f} MB)"
+
+
+def _rebuilt(rig: Rig, grid: BevGrid, ground: Any, options: dict[str, Any]) -> RigLut:
+    return RigLut(rig, grid, ground=ground, **options)
+
+
+def _rebuilt_without(whole: RigLut, dropped: list[str]) -> RigLut:
+    return whole.without(dropped, missing="border")
+
+
+def _polygons(exclude: Any) -> list[Any]:
+    """Make a list of polygons; one polygon is a list of one."""
+    if exclude is None:
+        return []
+    try:
+        listed = list(exclude)
+        single = bool(listed) and np.ndim(listed[0]) == 1
+    except (TypeError, ValueError) as error:
+        raise ArgumentTypeError(
+            f"exclude: expected polygons, (M, 2) arrays of metres, got {type(exclude).__name__}"
+        ) from error
+    return [exclude] if single else listed

@@ -1,0 +1,447 @@
+//! One picture of all cameras, in one pass over the output.
+
+use super::pieces::{ONE, Piece};
+use super::{RigLut, WHAT};
+use crate::error::{Error, Result};
+use crate::kernels::{RowKernels, Source};
+use crate::lut::Lut;
+use crate::parallel;
+use crate::table::{Span, SpanKind};
+use crate::view::{F16, ImageView, ImageViewMut, Sample, buffer};
+use crate::warp::{Bilinear, Interpolation, WarpOptions};
+
+/// Cells of a seam that are mixed at a time: of three channels of 8 bits they are 192 bytes for each camera, which no
+/// other work drives out of the core's own cache.
+const CELLS_AT_ONCE: usize = 64;
+
+/// Samples that can be mixed and brightened.
+pub trait Mix: Sample {
+    /// The sum of samples by weights of sum [`ONE`], rounded.
+    fn mix(samples: impl Iterator<Item = (Self, u16)>) -> Self;
+
+    /// The sample as a number, if it is above 0 and no end of an integer type's range.
+    fn measured(self) -> Option<f64>;
+
+    /// The sample times a factor, rounded and kept to what the type can hold.
+    fn brightened(self, gain: f32) -> Self;
+}
+
+macro_rules! mix_integers {
+    ($($type:ty: $sum:ty),*) => {$(
+        impl Mix for $type {
+            #[inline(always)]
+            fn mix(samples: impl Iterator<Item = (Self, u16)>) -> Self {
+                let sum: $sum = samples.map(|(sample, weight)| <$sum>::from(sample) * <$sum>::from(weight)).sum();
+                ((sum + (ONE as $sum >> 1)) >> ONE.ilog2()) as Self
+            }
+
+            fn measured(self) -> Option<f64> {
+                (self > 0 && self < Self::MAX).then_some(f64::from(self))
+            }
+
+            #[inline(always)]
+            fn brightened(self, gain: f32) -> Self {
+                (f32::from(self) * gain).round_ties_even() as Self // as saturates
+            }
+        }
+    )*};
+}
+mix_integers!(u8: u32, u16: u32, i8: i32, i16: i32);
+
+macro_rules! mix_floats {
+    ($($type:ty: $sum:ty),*) => {$(
+        impl Mix for $type {
+            #[inline(always)]
+            fn mix(samples: impl Iterator<Item = (Self, u16)>) -> Self {
+                let sum = samples.fold(0.0, |sum: $sum, (sample, weight)| {
+                    sum + <$sum>::from(sample) * (<$sum>::from(weight) / ONE as $sum)
+                });
+                sum as Self
+            }
+
+            fn measured(self) -> Option<f64> {
+                let value = f64::from(self);
+                (value > 0.0 && value.is_finite()).then_some(value)
+            }
+
+            #[inline(always)]
+            fn brightened(self, gain: f32) -> Self {
+                self * <$type>::from(gain)
+            }
+        }
+    )*};
+}
+mix_floats!(f32: f32, f64: f64);
+
+impl Mix for F16 {
+    #[inline(always)]
+    fn mix(samples: impl Iterator<Item = (Self, u16)>) -> Self {
+        Self::from_f32(f32::mix(samples.map(|(sample, weight)| (sample.to_f32(), weight))))
+    }
+
+    fn measured(self) -> Option<f64> {
+        self.to_f32().measured()
+    }
+
+    #[inline(always)]
+    fn brightened(self, gain: f32) -> Self {
+        Self::from_f32(self.to_f32() * gain)
+    }
+}
+
+/// Factors of a camera's channels, or none where all are 1.
+type Gains<'a> = Option<&'a [f32]>;
+
+impl RigLut {
+    /// Makes one picture of the cameras' images, which are in the rig's order.
+    ///
+    /// Bilinear and area mix along seams. `gains`, if not empty, has a factor for each channel of each camera, by which
+    /// its samples are multiplied first.
+    ///
+    /// # Errors
+    /// [`Error::ImageCount`], [`Error::SizeMismatch`], [`Error::MixedChannels`], [`Error::OutputShape`],
+    /// [`Error::BorderChannels`], [`Error::Threads`] and [`Error::Rig`] for gains of another number, all before anything
+    /// is written; [`Error::OutOfMemory`].
+    pub fn warp_into<T: Bilinear + Mix>(
+        &self,
+        images: &[ImageView<'_, T>],
+        out: &mut ImageViewMut<'_, T>,
+        options: &WarpOptions<T>,
+        gains: &[f32],
+    ) -> Result<()> {
+        self.check(images, out, options)?;
+        let channels = images[0].channels();
+        self.check_gains(gains, channels)?;
+        let gains = |camera: usize| gains.chunks_exact(channels).nth(camera);
+        match options.interpolation {
+            Interpolation::Mode => Err(Error::Interpolation {
+                expected: "a way to blend",
+                got: "mode",
+                mend: "warp_mode_into is for labels",
+            }),
+            Interpolation::Nearest => {
+                let kernels = options.nearest_kernels(images)?;
+                self.pass(images, out, options, &kernels, &Winner { gains: &gains })
+            }
+            Interpolation::Bilinear => {
+                let kernels = options.kernels(images)?;
+                self.pass(images, out, options, &kernels, &Blended { gains: &gains })
+            }
+            Interpolation::Area => {
+                let warp = |lut: &Lut, image: &ImageView<'_, T>, out: &mut ImageViewMut<'_, T>| {
+                    lut.warp_into(image, out, options)
+                };
+                self.picture_by_picture(images, out, options, warp, &Blended { gains: &gains })
+            }
+        }
+    }
+
+    /// Nearest for samples of any kind; each cell takes the camera of its largest weight.
+    ///
+    /// # Errors
+    /// Those of [`RigLut::warp_into`].
+    pub fn warp_nearest_into<T: Sample>(
+        &self,
+        images: &[ImageView<'_, T>],
+        out: &mut ImageViewMut<'_, T>,
+        options: &WarpOptions<T>,
+    ) -> Result<()> {
+        self.check(images, out, options)?;
+        self.pass(images, out, options, &options.nearest_kernels(images)?, &Labels)
+    }
+
+    /// The commonest id of each cell, of the camera of its largest weight.
+    ///
+    /// # Errors
+    /// Those of [`RigLut::warp_into`] and of [`Lut::warp_many_mode_into`].
+    pub fn warp_mode_into<T: Sample + Ord>(
+        &self,
+        images: &[ImageView<'_, T>],
+        out: &mut ImageViewMut<'_, T>,
+        options: &WarpOptions<T>,
+    ) -> Result<()> {
+        self.check(images, out, options)?;
+        let warp = |lut: &Lut, image: &ImageView<'_, T>, out: &mut ImageViewMut<'_, T>| {
+            lut.warp_many_mode_into(std::slice::from_ref(image), std::slice::from_mut(out), options)
+        };
+        self.picture_by_picture(images, out, options, warp, &Labels)
+    }
+
+    /// Whether images, output and options fit the table and each other.
+    fn check<T: Sample>(
+        &self,
+        images: &[ImageView<'_, T>],
+        out: &ImageViewMut<'_, T>,
+        options: &WarpOptions<T>,
+    ) -> Result<()> {
+        self.check_images(images)?;
+        options.border(images[0].channels(), 1)?;
+        options.threads_for(0, 0)?;
+        let expected = (self.rows(), self.columns(), images[0].channels());
+        if out.shape() == expected { Ok(()) } else { Err(Error::OutputShape { expected, got: out.shape() }) }
+    }
+
+    /// Whether there is an image of the right size for each camera, all of one number of channels.
+    pub(super) fn check_images<T: Sample>(&self, images: &[ImageView<'_, T>]) -> Result<()> {
+        if images.len() != self.cameras() {
+            return Err(Error::Rig {
+                expected: "an image for each camera",
+                got: format!("{} for {} cameras", images.len(), self.cameras()),
+            });
+        }
+        for (camera, image) in images.iter().enumerate() {
+            let (width, height) = self.source_size(camera);
+            let expected = (width as usize, height as usize);
+            if (image.width(), image.height()) != expected {
+                return Err(Error::SizeMismatch { expected, got: (image.width(), image.height()) });
+            }
+            if image.channels() != images[0].channels() {
+                return Err(Error::MixedChannels { expected: images[0].channels(), got: image.channels() });
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether there is a gain for each channel of each camera, or none at all.
+    pub(super) fn check_gains(&self, gains: &[f32], channels: usize) -> Result<()> {
+        if !gains.is_empty() && gains.len() != channels * self.cameras() {
+            return Err(Error::Rig {
+                expected: "a gain for each channel of each camera",
+                got: format!("{} for {} cameras of {channels} channels", gains.len(), self.cameras()),
+            });
+        }
+        match gains.iter().find(|gain| !(0.0..=1e3).contains(*gain)) {
+            Some(gain) => Err(Error::Rig { expected: "gains from 0 to 1000", got: format!("{gain}") }),
+            None => Ok(()),
+        }
+    }
+
+    /// One pass: every cell of one camera straight from its taps into the output.
+    fn pass<T: Sample>(
+        &self,
+        images: &[ImageView<'_, T>],
+        out: &mut ImageViewMut<'_, T>,
+        options: &WarpOptions<T>,
+        kernels: &RowKernels<T>,
+        compose: &(impl Compose<T> + Sync),
+    ) -> Result<()> {
+        let channels = images[0].channels();
+        let border = options.border(channels, 1)?;
+        let sources =
+            buffer::collected(WHAT, self.cameras.iter().map(|&camera| Source::new(&images[camera], &border)))?;
+        let threads = options.threads_for(self.rows() * self.columns(), channels)?;
+        let band_rows = parallel::rows_per_band(self.rows(), self.columns(), threads);
+        parallel::for_each(threads, out.bands(band_rows), |(first, band)| {
+            let mut scratch = buffer::filled(WHAT, CELLS_AT_ONCE * channels * self.cameras(), T::default())?;
+            for (row, cells) in (first..).zip(band) {
+                let mut rows: Vec<_> = (self.tables.iter().zip(&sources))
+                    .map(|(lut, source)| RowOf { spans: lut.table().row(row), span: None, source, kernels })
+                    .collect();
+                for piece in self.pieces.row(row) {
+                    let cells = &mut cells[piece.first * channels..(piece.first + piece.cells) * channels];
+                    if piece.tables.is_empty() {
+                        sources[0].fill_border(cells);
+                        continue;
+                    }
+                    let fill = |table: u8, first: usize, cells: &mut [T]| {
+                        rows[usize::from(table)].fill(first, cells);
+                    };
+                    compose.piece(&piece, &self.cameras, channels, &mut scratch, fill, cells);
+                }
+            }
+            Ok(())
+        })
+    }
+
+    /// For interpolations that look at more than a row: each camera's picture as a whole, then one of all.
+    fn picture_by_picture<T: Sample>(
+        &self,
+        images: &[ImageView<'_, T>],
+        out: &mut ImageViewMut<'_, T>,
+        options: &WarpOptions<T>,
+        warp: impl Fn(&Lut, &ImageView<'_, T>, &mut ImageViewMut<'_, T>) -> Result<()>,
+        compose: &(impl Compose<T> + Sync),
+    ) -> Result<()> {
+        let channels = images[0].channels();
+        let (columns, samples) = (self.columns(), self.rows() * self.columns() * channels);
+        let border = options.border(channels, 1)?;
+        let mut whole = buffer::reserved(WHAT, self.cameras())?;
+        for (lut, &camera) in self.tables.iter().zip(&self.cameras) {
+            let mut picture = buffer::filled(WHAT, samples, T::default())?;
+            let mut view = ImageViewMut::new(&mut picture, (columns, self.rows()), channels)?;
+            warp(lut, &images[camera], &mut view)?;
+            whole.push(picture);
+        }
+        let source = Source::new(&images[0], &border);
+        let threads = options.threads_for(self.rows() * columns, channels)?;
+        let band_rows = parallel::rows_per_band(self.rows(), columns, threads);
+        parallel::for_each(threads, out.bands(band_rows), |(first, band)| {
+            let mut scratch = buffer::filled(WHAT, CELLS_AT_ONCE * channels * self.cameras(), T::default())?;
+            for (row, cells) in (first..).zip(band) {
+                for piece in self.pieces.row(row) {
+                    let cells = &mut cells[piece.first * channels..(piece.first + piece.cells) * channels];
+                    if piece.tables.is_empty() {
+                        source.fill_border(cells);
+                        continue;
+                    }
+                    let fill = |table: u8, first: usize, cells: &mut [T]| {
+                        let at = (row * columns + first) * channels;
+                        cells.copy_from_slice(&whole[usize::from(table)][at..at + cells.len()]);
+                    };
+                    compose.piece(&piece, &self.cameras, channels, &mut scratch, fill, cells);
+                }
+            }
+            Ok(())
+        })
+    }
+}
+
+/// A row of one camera's table, from left to right.
+struct RowOf<'a, T: Sample, I: Iterator<Item = Span<'a>>> {
+    spans: I,
+    span: Option<Span<'a>>,
+    source: &'a Source<'a, T>,
+    kernels: &'a RowKernels<T>,
+}
+
+impl<'a, T: Sample, I: Iterator<Item = Span<'a>>> RowOf<'a, T, I> {
+    /// Fills whole cells, the first of which is that of column `first`; no smaller one than before.
+    fn fill(&mut self, mut first: usize, mut cells: &mut [T]) {
+        let channels = self.source.channels();
+        while !cells.is_empty() {
+            let span = match self.span.take() {
+                Some(span) if span.first + span.cells > first => span,
+                _ => {
+                    self.span = self.spans.next();
+                    debug_assert!(self.span.is_some(), "a row's spans are as many cells as the row has");
+                    if self.span.is_none() {
+                        return self.source.fill_border(cells);
+                    }
+                    continue;
+                }
+            };
+            let skip = first - span.first;
+            let count = (span.cells - skip).min(cells.len() / channels);
+            let (own, rest) = std::mem::take(&mut cells).split_at_mut(count * channels);
+            match span.kind {
+                SpanKind::Outside => self.source.fill_border(own),
+                SpanKind::Inside => (self.kernels.inside)(self.source, &span.taps[skip..skip + count], own),
+                SpanKind::Rim | SpanKind::Halo => {
+                    (self.kernels.edge)(self.source, &span.taps[skip..skip + count], own);
+                }
+            }
+            self.span = Some(span);
+            (first, cells) = (first + count, rest);
+        }
+    }
+}
+
+/// What becomes of a piece that at least one camera shows.
+trait Compose<T> {
+    /// `fill(table, first, cells)` gives the cells of one camera from column `first` on.
+    fn piece(
+        &self,
+        piece: &Piece<'_>,
+        cameras: &[usize],
+        channels: usize,
+        scratch: &mut [T],
+        fill: impl FnMut(u8, usize, &mut [T]),
+        cells: &mut [T],
+    );
+}
+
+/// The camera of the largest weight, as it is.
+struct Labels;
+
+impl<T> Compose<T> for Labels {
+    fn piece(
+        &self,
+        piece: &Piece<'_>,
+        _: &[usize],
+        _: usize,
+        _: &mut [T],
+        mut fill: impl FnMut(u8, usize, &mut [T]),
+        cells: &mut [T],
+    ) {
+        fill(piece.tables[0], piece.first, cells);
+    }
+}
+
+/// The camera of the largest weight, brightened.
+struct Winner<'a> {
+    gains: &'a (dyn Fn(usize) -> Gains<'a> + Sync),
+}
+
+impl<T: Mix> Compose<T> for Winner<'_> {
+    fn piece(
+        &self,
+        piece: &Piece<'_>,
+        cameras: &[usize],
+        _: usize,
+        _: &mut [T],
+        mut fill: impl FnMut(u8, usize, &mut [T]),
+        cells: &mut [T],
+    ) {
+        let table = piece.tables[0];
+        fill(table, piece.first, cells);
+        brighten(cells, (self.gains)(cameras[usize::from(table)]));
+    }
+}
+
+/// Cameras brightened, and mixed by their weights.
+struct Blended<'a> {
+    gains: &'a (dyn Fn(usize) -> Gains<'a> + Sync),
+}
+
+impl<T: Mix> Compose<T> for Blended<'_> {
+    fn piece(
+        &self,
+        piece: &Piece<'_>,
+        cameras: &[usize],
+        channels: usize,
+        scratch: &mut [T],
+        mut fill: impl FnMut(u8, usize, &mut [T]),
+        cells: &mut [T],
+    ) {
+        if let [table] = piece.tables {
+            fill(*table, piece.first, cells);
+            return brighten(cells, (self.gains)(cameras[usize::from(*table)]));
+        }
+        let size = CELLS_AT_ONCE * channels;
+        for (part, cells) in cells.chunks_mut(size).enumerate() {
+            let skip = part * CELLS_AT_ONCE;
+            for (&table, own) in piece.tables.iter().zip(scratch.chunks_mut(size)) {
+                let own = &mut own[..cells.len()];
+                fill(table, piece.first + skip, own);
+                brighten(own, (self.gains)(cameras[usize::from(table)]));
+            }
+            let weights = |place: usize| &piece.weights_of(place).expect("of several")[skip..];
+            match piece.tables.len() {
+                2 => {
+                    let (one, other) = scratch.split_at(size);
+                    let weights = weights(0).iter().zip(weights(1));
+                    let pixels = one.chunks_exact(channels).zip(other.chunks_exact(channels));
+                    for ((cell, (one, other)), (&w, &v)) in cells.chunks_exact_mut(channels).zip(pixels).zip(weights) {
+                        for (sample, (&a, &b)) in cell.iter_mut().zip(one.iter().zip(other)) {
+                            *sample = T::mix([(a, w), (b, v)].into_iter());
+                        }
+                    }
+                }
+                tables => {
+                    for (index, sample) in cells.iter_mut().enumerate() {
+                        let of = |place: usize| (scratch[place * size + index], weights(place)[index / channels]);
+                        *sample = T::mix((0..tables).map(of));
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// Multiplies each channel by its factor.
+fn brighten<T: Mix>(cells: &mut [T], gains: Gains<'_>) {
+    let Some(gains) = gains else { return };
+    for cell in cells.chunks_exact_mut(gains.len()) {
+        cell.iter_mut().zip(gains).for_each(|(sample, &gain)| *sample = sample.brightened(gain));
+    }
+}

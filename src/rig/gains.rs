@@ -1,0 +1,146 @@
+//! How bright each camera's picture is beside its neighbours', from what two of them see alike.
+
+use nalgebra::{DMatrix, DVector};
+
+use super::{Mix, RigLut, WHAT};
+use crate::error::{Error, Result};
+use crate::lut::Lut;
+use crate::table::{SpanKind, Tap};
+use crate::view::{ImageView, buffer};
+
+/// Cells that two cameras are compared in: their median is good to 0.2 % where each is off by a tenth.
+const MOST_CELLS: usize = 4096;
+
+/// Fewer cells than this say nothing.
+const FEWEST_CELLS: usize = 32;
+
+/// How strongly a camera keeps to a gain of 1, or to its previous one, in pairs of cells: of an overlap of 4096 it takes
+/// back less than 0.1 %, and a camera whose overlaps are dark or saturated stays as it is.
+const KEPT: f64 = 4.0;
+
+/// How much of the way from the previous gains to those of these images is gone: half of a change in seven frames.
+const STEP: f64 = 0.1;
+
+/// Where two cameras sample the same cells.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Overlap {
+    /// Places of the tables.
+    tables: [usize; 2],
+    taps: Vec<[Tap; 2]>,
+}
+
+/// The overlaps of all pairs of tables. `seen` says which cells each of them sees.
+pub(super) fn overlaps(luts: &[Lut], seen: &[&[bool]]) -> Result<Vec<Overlap>> {
+    let cells = seen[0].len();
+    let mut overlaps = Vec::new();
+    for b in 0..luts.len() {
+        for a in 0..b {
+            let both = |&cell: &usize| seen[a][cell] && seen[b][cell];
+            let count = (0..cells).filter(both).count();
+            if count < FEWEST_CELLS {
+                continue;
+            }
+            let step = count.div_ceil(MOST_CELLS);
+            let chosen =
+                buffer::collected(WHAT, (0..cells).filter(both).step_by(step).collect::<Vec<_>>().into_iter())?;
+            let [of_a, of_b] = [&luts[a], &luts[b]].map(|lut| inside(lut, &chosen));
+            let pairs = of_a.into_iter().zip(of_b).filter_map(|(a, b)| Some([a?, b?]));
+            overlaps.push(Overlap { tables: [a, b], taps: pairs.collect() });
+        }
+    }
+    Ok(overlaps)
+}
+
+/// The taps of cells, in rising order, whose four pixels all exist.
+fn inside(lut: &Lut, cells: &[usize]) -> Vec<Option<Tap>> {
+    let mut taps = Vec::with_capacity(cells.len());
+    let (columns, mut next) = (lut.columns(), cells.iter().peekable());
+    for row in 0..lut.rows() {
+        for span in lut.table().row(row) {
+            let first = row * columns + span.first;
+            while let Some(cell) = next.next_if(|&&cell| cell < first + span.cells) {
+                taps.push((span.kind == SpanKind::Inside).then(|| span.taps[cell - first]));
+            }
+        }
+    }
+    taps
+}
+
+impl RigLut {
+    /// A factor for each channel of each camera, in the rig's order, that makes neighbours equally bright where both
+    /// see the road: the least-squares solution for the medians of the ratios of all pairs, of mean 1 (geometric).
+    /// Samples at either end of an integer type's range, and those that are not above 0, do not count.
+    ///
+    /// From frame to frame, give those of the frame before as `previous`: the result goes a tenth of the way from them to
+    /// those of these images.
+    ///
+    /// # Errors
+    /// Those of [`RigLut::warp_into`] for images and `previous`.
+    pub fn gains<T: Mix>(&self, images: &[ImageView<'_, T>], previous: &[f32]) -> Result<Vec<f32>> {
+        self.check_images(images)?;
+        let (channels, cameras) = (images[0].channels(), self.cameras());
+        self.check_gains(previous, channels)?;
+        if let Some(gain) = previous.iter().find(|&&gain| gain <= 0.0) {
+            return Err(Error::Rig { expected: "previous gains above 0", got: format!("{gain}") });
+        }
+        let mut gains = buffer::filled(WHAT, cameras * channels, 1.0)?;
+        for channel in 0..channels {
+            let before =
+                |camera: usize| previous.get(camera * channels + channel).map_or(0.0, |&gain| f64::from(gain).ln());
+            // normal equations of log gains: for each pair, gain a + ratio = gain b
+            let mut normal = DMatrix::from_diagonal_element(cameras, cameras, KEPT);
+            let mut right = DVector::from_fn(cameras, |camera, _| KEPT * before(camera));
+            for overlap in &self.overlaps {
+                let [a, b] = overlap.tables.map(|table| self.cameras[table]);
+                let Some((ratio, count)) = overlap.log_ratio([&images[a], &images[b]], channel) else { continue };
+                for (one, other, ratio) in [(a, b, -ratio), (b, a, ratio)] {
+                    normal[(one, one)] += count;
+                    normal[(one, other)] -= count;
+                    right[one] += count * ratio;
+                }
+            }
+            let solved = normal.cholesky().map_or_else(|| DVector::zeros(cameras), |normal| normal.solve(&right));
+            let mean = solved.mean();
+            for camera in 0..cameras {
+                let now = solved[camera] - mean;
+                let log = if previous.is_empty() { now } else { before(camera) + STEP * (now - before(camera)) };
+                gains[camera * channels + channel] = log.exp() as f32;
+            }
+        }
+        Ok(gains)
+    }
+}
+
+impl Overlap {
+    /// The same with other numbers for its tables; none where one of them has none.
+    pub(super) fn renumbered(&self, number: impl Fn(usize) -> Option<usize>) -> Option<Self> {
+        let [a, b] = self.tables.map(number);
+        Some(Self { tables: [a?, b?], taps: self.taps.clone() })
+    }
+
+    /// The median of log(a / b) over the cells where both can be compared, and how many these are.
+    fn log_ratio<T: Mix>(&self, images: [&ImageView<'_, T>; 2], channel: usize) -> Option<(f64, f64)> {
+        let mut ratios: Vec<f64> = (self.taps.iter())
+            .filter_map(|taps| {
+                let [a, b] = [0, 1].map(|side| brightness(images[side], taps[side], channel));
+                Some((a? / b?).ln())
+            })
+            .collect();
+        if ratios.len() < FEWEST_CELLS {
+            return None;
+        }
+        let middle = ratios.len() / 2;
+        let (_, median, _) = ratios.select_nth_unstable_by(middle, f64::total_cmp);
+        Some((*median, ratios.len() as f64))
+    }
+}
+
+/// The mean of a tap's four pixels; none where one of them is saturated, or not above 0.
+fn brightness<T: Mix>(image: &ImageView<'_, T>, tap: Tap, channel: usize) -> Option<f64> {
+    let (x, y) = (tap.offset as usize % image.width(), tap.offset as usize / image.width());
+    let mut sum = 0.0;
+    for (x, y) in [(x, y), (x + 1, y), (x, y + 1), (x + 1, y + 1)] {
+        sum += image.pixel(x, y)[channel].measured()?;
+    }
+    Some(sum / 4.0)
+}
