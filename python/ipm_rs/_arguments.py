@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 from typing import Any
 
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 
 from ipm_rs.errors import ArgumentError, ArgumentTypeError, FileError, IpmError
 
-__all__ = ["array_of", "check_word", "flag_of", "path_text"]
+__all__ = ["array_of", "check_word", "flag_of", "names_of", "path_text"]
 
 
 def path_text(name: str, path: Any) -> str:
@@ -56,6 +57,30 @@ def check_word(name: str, value: Any) -> None:
     except Exception as error:  # `__repr__` raises what it likes
         got = type(value).__name__
         raise ArgumentTypeError(f"{name}: expected a name or a number, got {got} that cannot be printed") from error
+
+
+def names_of(name: str, value: Any) -> list[str]:
+    """Return names as a list: one, or an iterable of up to 1000.
+
+    Raises
+    ------
+    ArgumentTypeError
+        It is something else.
+    """
+    if isinstance(value, str):
+        return [value]
+    try:
+        listed = list(itertools.islice(value, 1000))
+    except MemoryError:
+        raise
+    except Exception as error:  # `__iter__` raises what it likes
+        raise ArgumentTypeError(f"{name}: expected names, got {type(value).__name__}; pass a list of text") from error
+    for item in listed:
+        if not isinstance(item, str):
+            raise ArgumentTypeError(
+                f"{name}: expected names, got {type(item).__name__} among them; pass a list of text"
+            )
+    return listed
 
 
 def array_of(name: str, value: Any) -> NDArray[Any]:

@@ -1342,7 +1342,7 @@ class _RigTable:
         *,
         ground: float | Plane | HeightMap,
         masks: list[NDArray[Any] | None],
-        exclude: list[NDArray[np.float64]],
+        exclude: list[NDArray[Any]],
         blend: str,
         feather: float,
     ) -> _RigTable: ...

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, Literal
@@ -9,6 +10,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ipm_rs._arguments import array_of, names_of
 from ipm_rs._core import BevGrid, Camera, HeightMap, Plane, _RigTable
 from ipm_rs.errors import ArgumentError, ArgumentTypeError, CalibrationError
 
@@ -16,6 +18,7 @@ __all__ = ["Rig", "RigLut"]
 
 _FORMAT = "ipm_rs rig"
 _VERSION = 1
+_MOST_POLYGONS = 10_000
 
 Images = Mapping[str, Any] | Sequence[Any]
 Missing = Literal["next", "border"]
@@ -97,7 +100,7 @@ class Rig(Mapping[str, Camera]):
         ArgumentError
             A name is none of the rig's, or there is none.
         """
-        wanted = [names] if isinstance(names, str) else list(names)
+        wanted = names_of("names", names)
         self._check_names("names", wanted)
         return Rig({name: self._cameras[name] for name in wanted})
 
@@ -114,16 +117,14 @@ class Rig(Mapping[str, Camera]):
         CalibrationError
             It is not rigid.
         """
-        moved = {
-            name: Camera(
-                camera.intrinsics,
-                image_size=camera.image_size,
-                vehicle_from_camera=np.asarray(map_from_vehicle, dtype=float) @ camera.vehicle_from_camera,
-                lens=camera.lens,
+        pose = array_of("map_from_vehicle", map_from_vehicle)
+        if pose.shape != (4, 4) or pose.dtype.kind not in "iuf":
+            raise CalibrationError(
+                f"map_from_vehicle: expected a rigid 4x4 transform, got {pose.dtype} of shape {pose.shape}"
             )
-            for name, camera in self._cameras.items()
-        }
-        return Rig(moved)
+        with np.errstate(all="ignore"):  # what overflows is for the camera to refuse
+            moved = {name: pose.astype(float) @ camera.vehicle_from_camera for name, camera in self._cameras.items()}
+        return Rig({name: _posed(camera, moved[name]) for name, camera in self._cameras.items()})
 
     def to_json(self) -> str:
         """Return the rig as JSON text, each float to the last bit."""
@@ -237,10 +238,13 @@ class RigLut:
         self._rig._check_names("masks", masks or ())
         self._grid, self._ground = grid, ground
         # copies: who changes a mask later must not change what a pickle builds
-        given = {name: None if mask is None else np.array(mask) for name, mask in (masks or {}).items()}
+        given = {
+            name: None if mask is None else array_of(f"masks[{name!r}]", mask).copy()
+            for name, mask in (masks or {}).items()
+        }
         self._options: dict[str, Any] = {
             "masks": given,
-            "exclude": [np.array(polygon, dtype=float) for polygon in _polygons(exclude)],
+            "exclude": _polygons(exclude),
             "blend": blend,
             "feather": feather,
         }
@@ -302,7 +306,7 @@ class RigLut:
         ArgumentError
             The name is none of the rig's.
         """
-        self._rig._check_names("name", [name])
+        self._rig._check_names("name", names_of("name", [name]))
         return self._table.weights(list(self._rig).index(name))
 
     def warp(
@@ -398,10 +402,10 @@ class RigLut:
         ArgumentError
             A name is none of the rig's, or no camera is left; `missing` is something else.
         """
-        dropped = frozenset([names] if isinstance(names, str) else names)
+        dropped = frozenset(names_of("names", names))
         self._rig._check_names("names", dropped)
-        if missing not in ("next", "border"):
-            raise ArgumentError(f'missing: expected "next" or "border", got {missing!r:.60}')
+        if not isinstance(missing, str) or missing not in ("next", "border"):
+            raise ArgumentError(f'missing: expected "next" or "border", got {type(missing).__name__}')
         left = [name for name in self._rig if name not in dropped]
         if not left:
             raise ArgumentError("names: expected at least one camera whose image is there, got none")
@@ -480,10 +484,11 @@ class RigLut:
         if not isinstance(gains, Mapping):
             raise ArgumentTypeError(f"{what}: expected a mapping of names to factors, got {type(gains).__name__}")
         self._rig._check_names(what, gains)
+        arrays = [array_of(f"{what}[{name!r}]", gains.get(name, 1.0)) for name in self._rig]
         try:
-            rows = [np.atleast_1d(np.asarray(gains.get(name, 1.0), dtype=float)) for name in self._rig]
+            rows = [np.atleast_1d(row.astype(float)) for row in arrays]
             return np.stack(np.broadcast_arrays(*rows)).reshape(len(rows), -1)
-        except (TypeError, ValueError) as error:
+        except (TypeError, ValueError, OverflowError) as error:
             raise ArgumentError(
                 f"{what}: expected a factor for each camera, or one for each of its channels, got {gains!r:.120}"
             ) from error
@@ -508,6 +513,12 @@ class RigLut:
         return f"RigLut({rows} rows x {columns} columns of {len(self._rig)} cameras, {megabytes:.2f} MB)"
 
 
+def _posed(camera: Camera, vehicle_from_camera: NDArray[np.float64]) -> Camera:
+    return Camera(
+        camera.intrinsics, image_size=camera.image_size, vehicle_from_camera=vehicle_from_camera, lens=camera.lens
+    )
+
+
 def _rebuilt(rig: Rig, grid: BevGrid, ground: Any, options: dict[str, Any]) -> RigLut:
     return RigLut(rig, grid, ground=ground, **options)
 
@@ -516,15 +527,21 @@ def _rebuilt_without(whole: RigLut, dropped: list[str]) -> RigLut:
     return whole.without(dropped, missing="border")
 
 
-def _polygons(exclude: Any) -> list[Any]:
-    """Make a list of polygons; one polygon is a list of one."""
+def _polygons(exclude: Any) -> list[NDArray[Any]]:
+    """Make a list of polygons, copies; one polygon is a list of one."""
     if exclude is None:
         return []
     try:
-        listed = list(exclude)
-        single = bool(listed) and np.ndim(listed[0]) == 1
-    except (TypeError, ValueError) as error:
+        listed = list(itertools.islice(exclude, _MOST_POLYGONS + 1))
+    except MemoryError:
+        raise
+    except Exception as error:  # `__iter__` raises what it likes
         raise ArgumentTypeError(
             f"exclude: expected polygons, (M, 2) arrays of metres, got {type(exclude).__name__}"
         ) from error
-    return [exclude] if single else listed
+    if len(listed) > _MOST_POLYGONS:
+        raise ArgumentError(f"exclude: expected at most {_MOST_POLYGONS} polygons, got more")
+    polygons = [array_of(f"exclude[{index}]", polygon).copy() for index, polygon in enumerate(listed)]
+    if polygons and all(corner.ndim == 1 for corner in polygons):
+        return [array_of("exclude", listed).copy()]
+    return polygons

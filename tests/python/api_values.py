@@ -46,6 +46,8 @@ ROADS: list[Any] = [
     ipm_rs.HeightMap(np.random.default_rng(1).normal(0, 0.05, (9, 9)), origin=(0, -8), spacing=2.0),
 ]
 LUTS = [ipm_rs.Lut(camera, grid) for camera in CAMERAS[:3] for grid in GRIDS]
+RIG = ipm_rs.Rig({"front": CAMERAS[1], "left": CAMERAS[0], "back": CAMERAS[5]})
+RIG_LUTS = [ipm_rs.RigLut(RIG, grid, blend=blend) for grid, blend in zip(GRIDS, ("best", "feather"), strict=False)]
 FILES = ("cloud.bin", "cloud.npy", "cloud.ply", "cloud.pcd")
 
 Arguments = dict[str, Any]
@@ -70,6 +72,10 @@ class Values:
         dtype = np.dtype(self.rng.choice(dtypes.split())).name
         return textured(HEIGHT, WIDTH, self.rng.choice([None, *channels]), dtype, self.rng.randrange(8))
 
+    def rig_images(self, dtypes: str) -> dict[str, np.ndarray]:
+        dtype = np.dtype(self.rng.choice(dtypes.split())).name
+        return {name: textured(HEIGHT, WIDTH, None, dtype, k) for k, name in enumerate(RIG)}
+
     def depth(self) -> np.ndarray:
         return self.numbers(HEIGHT, WIDTH, low=0, high=9, dtype=self.rng.choice(["f4", "f8"]))
 
@@ -86,6 +92,15 @@ PARAMETERS: dict[str, P] = {
     "T": lambda v: CAMERAS[0].camera_from_vehicle,
     "camera": lambda v: v.rng.choice(CAMERAS),
     "grid": lambda v: v.rng.choice(GRIDS),
+    "cameras": lambda v: RIG.cameras,
+    "rig": lambda v: v.rng.choice([RIG, RIG.cameras]),
+    "masks": lambda v: {"front": textured(HEIGHT, WIDTH, None) > 60},
+    "exclude": lambda v: v.rng.choice([SQUARE.copy(), [SQUARE[:3] + 1]]),
+    "blend": lambda v: v.rng.choice(["best", "feather", "priority"]),
+    "feather": lambda v: v.rng.choice([0, 0.5, 2.0]),
+    "map_from_vehicle": lambda v: CAMERAS[0].vehicle_from_camera,
+    "names": lambda v: v.rng.choice([["front"], ["left", "back"]]),
+    "name": lambda v: "front",
     "ground": lambda v: v.rng.choice(ROADS),
     "camera_from_vehicle": lambda v: CAMERAS[0].camera_from_vehicle,
     "points": lambda v: v.points(),
@@ -275,6 +290,19 @@ def _rows_of_pixels(name: str, **more: P) -> Callable[[Values], tuple[Callable[.
     return make
 
 
+def _rig_warp(v: Values) -> tuple[Callable[..., Any], Arguments]:
+    interpolation = v.rng.choice(["nearest", "bilinear", "area", "mode"])
+    arguments = {
+        "images": v.rig_images("u1 i4" if interpolation == "mode" else "u1 u2 f4"),
+        "interpolation": interpolation,
+        "threads": v.rng.choice([1, 2]),
+        "missing": v.rng.choice([None, "next", "border"]),
+    }
+    if interpolation != "mode" and v.rng.random() < 0.5:
+        arguments["gains"] = {"front": 1.1, "left": 0.9}
+    return v.rng.choice(RIG_LUTS).warp, arguments
+
+
 def _pickled(v: Values) -> tuple[Callable[..., Any], Arguments]:
     return pickle.loads, {"data": pickle.dumps(v.rng.choice(OBJECTS))}
 
@@ -285,6 +313,10 @@ def _with(function: Callable[..., Any], make: Callable[[Values], Arguments]) -> 
 
 RECIPES: dict[str, Callable[[Values], tuple[Callable[..., Any], Arguments]]] = {
     "Lut.warp": _warp,
+    "RigLut.warp": _rig_warp,
+    "RigLut.gains": lambda v: (v.rng.choice(RIG_LUTS).gains, {"images": v.rig_images("u1 f4")}),
+    "Rig.save": lambda v: (RIG.save, {"path": v.folder / "rig-written.json"}),
+    "Rig.load": lambda v: (ipm_rs.Rig.load, {"path": v.folder / "rig.json"}),
     "remap": _remap,
     "warp_perspective": _warp_perspective,
     "points_from_depth": _points_from_depth,
@@ -328,8 +360,8 @@ RECIPES: dict[str, Callable[[Values], tuple[Callable[..., Any], Arguments]]] = {
         ipm_rs.Layers, lambda v: {"layers": {"max": np.zeros((2, 2))}, "inside": 1, "outside": 2, "ignored": 3}
     ),
 }
-OBJECTS = [*CAMERAS, *GRIDS, *ROADS[2:], *LUTS, *LENSES.values(), ipm_rs.PixelRays(CAMERAS[1])]
-SKIPPED = {"Camera.load"}  # "readers" loads, with samples of every format
+OBJECTS = [*CAMERAS, *GRIDS, *ROADS[2:], *LUTS, *LENSES.values(), ipm_rs.PixelRays(CAMERAS[1]), RIG, *RIG_LUTS]
+SKIPPED = {"Camera.load", "Rig.get"}  # "readers" loads, with samples of every format; a mapping's own method
 CLASSES = [item for item in vars(ipm_rs).values() if inspect.isclass(item) and not issubclass(item, (Exception, dict))]
 
 
@@ -395,6 +427,7 @@ def _by_name(function: Callable[[Values], Any], like: Any) -> Callable[[Values],
 def write_files(folder: pathlib.Path) -> None:
     """Write what the values read."""
     CAMERAS[1].save(folder / "camera.json")
+    RIG.save(folder / "rig.json")
     points = np.random.default_rng(2).uniform(-5, 15, (50, 3)).astype("f4")
     for name in FILES:
         pointfile.write(folder / name, points, {"intensity": points[:, 0]})
