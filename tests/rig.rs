@@ -1,5 +1,6 @@
 //! Views of several cameras against their definition: each cell is the mean of its cameras' own views by their weights.
 
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on should say so")]
 use ipm_rs::rig::{BlendMode, RigLut, RigOptions};
 use ipm_rs::{
     BevGrid, Camera, Ground, ImageView, ImageViewMut, Interpolation, KannalaBrandt, Lut, Pinhole, SampleAt, WarpOptions,
