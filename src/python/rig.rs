@@ -7,7 +7,7 @@ use super::arrays;
 use super::camera::PyCamera;
 use super::convert::{Floats, float, tuple_text};
 use super::detached;
-use super::dtype::{Samples, for_blended, for_moved};
+use super::dtype::{Samples, Taken, for_blended, for_moved};
 use super::error::classes::{ArgumentError, DtypeError, ImageError};
 use super::grid::PyBevGrid;
 use super::ground::road;
@@ -105,19 +105,23 @@ impl PyRigTable {
         threads: Option<&Bound<'py, PyAny>>,
         layout: &Bound<'py, PyAny>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let interpolation = options::interpolation(interpolation)?;
+        let taken = options::interpolation(interpolation)?;
         let threads = threads.map(|threads| options::thread_count("threads", threads)).transpose()?;
         let layout = options::layout(layout)?;
         let border_value = BorderValue::new(border_value)?;
         let gains = gains.map(|gains| self.gains_of(gains)).transpose()?;
         let out = Output::new(out)?;
         let images = self.images(&images, layout)?;
+        let interpolation = match taken {
+            Taken::By(interpolation) => interpolation,
+            Taken::Mode => Interpolation::default(), // not looked at
+        };
         let job = Job { rig: self, py, images: &images, interpolation, gains, border_value, out, threads };
-        match Samples::of(images[0].dtype(), interpolation)? {
+        match Samples::of(images[0].dtype(), taken)? {
             Samples::Blended(kind) => for_blended!(kind, job.blended()),
             // gains change numbers, which nearest then takes as such
             Samples::Moved(_) if job.gains.is_some() => {
-                match Samples::of(images[0].dtype(), Interpolation::Bilinear)? {
+                match Samples::of(images[0].dtype(), Taken::By(Interpolation::Bilinear))? {
                     Samples::Blended(kind) => for_blended!(kind, job.blended()),
                     Samples::Moved(_) | Samples::Ids { .. } => unreachable!("bilinear is blended"),
                 }
@@ -145,7 +149,7 @@ impl PyRigTable {
         let previous = previous.map(|gains| self.gains_of(gains)).transpose()?.unwrap_or_default();
         let images = self.images(&images, Layout::Hwc)?;
         let previous = spread("previous", previous, images.len(), images[0].channels())?;
-        let Samples::Blended(kind) = Samples::of(images[0].dtype(), Interpolation::Bilinear)? else {
+        let Samples::Blended(kind) = Samples::of(images[0].dtype(), Taken::By(Interpolation::Bilinear))? else {
             unreachable!("bilinear is blended")
         };
         let measure = Measure { rig: self, py, images: &images, previous: &previous };

@@ -114,11 +114,6 @@ impl RigLut {
         self.check_gains(gains, channels)?;
         let gains = |camera: usize| gains.chunks_exact(channels).nth(camera);
         match options.interpolation {
-            Interpolation::Mode => Err(Error::Interpolation {
-                expected: "a way to blend",
-                got: "mode",
-                mend: "warp_mode_into is for labels",
-            }),
             Interpolation::Nearest => {
                 let kernels = options.nearest_kernels(images)?;
                 self.pass(images, out, options, &kernels, &Winner { gains: &gains })
