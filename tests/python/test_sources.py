@@ -147,6 +147,8 @@ def test_contributing_names_what_exists():
 RECIPES = {
     "A lens": (r"(?i)\b(py)?eucm\b", {"kalibr", "_lenswords"}),
     "A calibration reader": (r"woodscape", set()),
+    "A dtype": (r"\bF16\b", set()),
+    "An instruction set": (r"(?i)\bneon\b", set()),
 }
 """The name of a recipe's example, and the modules that know it for another reason: readers of that lens."""
 
