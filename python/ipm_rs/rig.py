@@ -434,8 +434,8 @@ class RigLut:
         """Measure how bright the cameras are beside each other, from what two of them see of the same road.
 
         Gains are the least-squares solution for the medians of the ratios of all pairs in up to 4096 cells, of
-        geometric mean 1 for each channel. Saturated samples and zeros do not count; a camera that shares nothing
-        keeps 1.
+        geometric mean 1 for each channel. Pairs whose ratios spread, because what they see is not on the road, count
+        little; saturated samples and zeros do not count; a camera that shares nothing keeps 1.
 
         Parameters
         ----------

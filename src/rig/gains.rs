@@ -2,6 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
+use super::weights::View;
 use super::{Mix, RigLut, WHAT};
 use crate::error::{Error, Result};
 use crate::lut::Lut;
@@ -14,9 +15,13 @@ const MOST_CELLS: usize = 4096;
 /// Fewer cells than this say nothing.
 const FEWEST_CELLS: usize = 32;
 
-/// How strongly a camera keeps to a gain of 1, or to its previous one, in pairs of cells: of an overlap of 4096 it takes
-/// back less than 0.1 %, and a camera whose overlaps are dark or saturated stays as it is.
-const KEPT: f64 = 4.0;
+/// How far a gain is from 1 (or from the previous one) as a rule, as a logarithm. Where two cameras see a flat road, ratios
+/// spread by 0.05, and a factor of 1.2 between them is found to 0.5 %. Where what they see stands on the road, and so at
+/// another place in either view, ratios spread by 0.3 and more, and half of the way is gone at most.
+const USUAL: f64 = 0.2;
+
+/// Ratios spread at least so far, however alike the pictures.
+const LEAST_SPREAD: f64 = 0.02;
 
 /// How much of the way from the previous gains to those of these images is gone: half of a change in seven frames.
 const STEP: f64 = 0.1;
@@ -29,18 +34,23 @@ pub(super) struct Overlap {
     taps: Vec<[Tap; 2]>,
 }
 
-/// The overlaps of all pairs of tables. `seen` says which cells each of them sees.
-pub(super) fn overlaps(luts: &[Lut], seen: &[&[bool]]) -> Result<Vec<Overlap>> {
-    let cells = seen[0].len();
+/// The overlaps of all pairs of tables: of what both see the half that they resolve best, since far away less and less of it
+/// is road.
+pub(super) fn overlaps(luts: &[Lut], views: &[View]) -> Result<Vec<Overlap>> {
+    let cells = views[0].seen.len();
     let mut overlaps = Vec::new();
     for b in 0..luts.len() {
         for a in 0..b {
-            let both = |&cell: &usize| seen[a][cell] && seen[b][cell];
-            let count = (0..cells).filter(both).count();
-            if count < FEWEST_CELLS {
+            let resolution = |cell: usize| views[a].resolution[cell].min(views[b].resolution[cell]);
+            let seen = (0..cells).filter(|&cell| views[a].seen[cell] && views[b].seen[cell]);
+            let mut resolutions: Vec<f32> = seen.map(resolution).collect();
+            if resolutions.len() < 2 * FEWEST_CELLS {
                 continue;
             }
-            let step = count.div_ceil(MOST_CELLS);
+            let middle = resolutions.len() / 2;
+            let least = *resolutions.select_nth_unstable_by(middle, f32::total_cmp).1;
+            let both = |&cell: &usize| views[a].seen[cell] && views[b].seen[cell] && resolution(cell) >= least;
+            let step = (resolutions.len() - middle).div_ceil(MOST_CELLS);
             let chosen =
                 buffer::collected(WHAT, (0..cells).filter(both).step_by(step).collect::<Vec<_>>().into_iter())?;
             let [of_a, of_b] = [&luts[a], &luts[b]].map(|lut| inside(lut, &chosen));
@@ -68,7 +78,8 @@ fn inside(lut: &Lut, cells: &[usize]) -> Vec<Option<Tap>> {
 
 impl RigLut {
     /// A factor for each channel of each camera, in the rig's order, that makes neighbours equally bright where both
-    /// see the road: the least-squares solution for the medians of the ratios of all pairs, of mean 1 (geometric).
+    /// see the road: the least-squares solution for the medians of the ratios of all pairs, of mean 1 (geometric). A pair counts
+    /// by how little its ratios spread.
     /// Samples at either end of an integer type's range, and those that are not above 0, do not count.
     ///
     /// From frame to frame, give those of the frame before as `previous`: the result goes a tenth of the way from them to
@@ -88,15 +99,16 @@ impl RigLut {
             let before =
                 |camera: usize| previous.get(camera * channels + channel).map_or(0.0, |&gain| f64::from(gain).ln());
             // normal equations of log gains: for each pair, gain a + ratio = gain b
-            let mut normal = DMatrix::from_diagonal_element(cameras, cameras, KEPT);
-            let mut right = DVector::from_fn(cameras, |camera, _| KEPT * before(camera));
+            let mut normal = DMatrix::from_diagonal_element(cameras, cameras, USUAL.powi(-2));
+            let mut right = DVector::from_fn(cameras, |camera, _| before(camera) * USUAL.powi(-2));
             for overlap in &self.overlaps {
                 let [a, b] = overlap.tables.map(|table| self.cameras[table]);
-                let Some((ratio, count)) = overlap.log_ratio([&images[a], &images[b]], channel) else { continue };
+                let Some((ratio, spread)) = overlap.log_ratio([&images[a], &images[b]], channel) else { continue };
+                let weight = spread.max(LEAST_SPREAD).powi(-2);
                 for (one, other, ratio) in [(a, b, -ratio), (b, a, ratio)] {
-                    normal[(one, one)] += count;
-                    normal[(one, other)] -= count;
-                    right[one] += count * ratio;
+                    normal[(one, one)] += weight;
+                    normal[(one, other)] -= weight;
+                    right[one] += weight * ratio;
                 }
             }
             let solved = normal.cholesky().map_or_else(|| DVector::zeros(cameras), |normal| normal.solve(&right));
@@ -118,7 +130,7 @@ impl Overlap {
         Some(Self { tables: [a?, b?], taps: self.taps.clone() })
     }
 
-    /// The median of log(a / b) over the cells where both can be compared, and how many these are.
+    /// The median of log(a / b) over the cells where both can be compared, and the median of how far they are from it.
     fn log_ratio<T: Mix>(&self, images: [&ImageView<'_, T>; 2], channel: usize) -> Option<(f64, f64)> {
         let mut ratios: Vec<f64> = (self.taps.iter())
             .filter_map(|taps| {
@@ -130,8 +142,9 @@ impl Overlap {
             return None;
         }
         let middle = ratios.len() / 2;
-        let (_, median, _) = ratios.select_nth_unstable_by(middle, f64::total_cmp);
-        Some((*median, ratios.len() as f64))
+        let median = *ratios.select_nth_unstable_by(middle, f64::total_cmp).1;
+        ratios.iter_mut().for_each(|ratio| *ratio = (*ratio - median).abs());
+        Some((median, *ratios.select_nth_unstable_by(middle, f64::total_cmp).1))
     }
 }
 

@@ -99,8 +99,7 @@ impl RigLut {
             views.push(View { seen, resolution: lut.resolution()?, priority: index });
             luts.push(lut);
         }
-        let seen: Vec<&[bool]> = views.iter().map(|view| &*view.seen).collect();
-        let overlaps = gains::overlaps(&luts, &seen)?;
+        let overlaps = gains::overlaps(&luts, &views)?;
         let weights = weights::of(&views, grid, options.blend, options.feather)?;
         drop(views);
         let mut tables = buffer::reserved(WHAT, cameras.len())?;
