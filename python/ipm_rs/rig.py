@@ -51,6 +51,8 @@ class Rig(Mapping[str, Camera]):
         for name, camera in cameras.items():
             if not isinstance(name, str):
                 raise ArgumentTypeError(f"cameras: expected names that are text, got {name!r:.60}; use str(...)")
+            if not name.isprintable():  # no file and no message can hold it
+                raise ArgumentError(f"cameras: expected names that can be printed, got {name!a:.60}")
             if not isinstance(camera, Camera):
                 raise ArgumentTypeError(
                     f"cameras[{name!r}]: expected an ipm_rs.Camera, got {type(camera).__name__}; Camera.load reads one"
@@ -249,9 +251,8 @@ class RigLut:
             "feather": feather,
         }
         self._left_out: dict[tuple[frozenset[str], Missing], RigLut] = {}
-        self._of: tuple[RigLut, list[str]] | None = (
-            None  # whose table this is without the cameras that are not in the list
-        )
+        # whose table this is, without the cameras that are not in the list
+        self._of: tuple[RigLut, list[str]] | None = None
         self._table = _RigTable(
             list(self._rig),
             list(self._rig.values()),
@@ -358,6 +359,9 @@ class RigLut:
         ArgumentError, ArgumentTypeError
             Images are missing or too many; another argument is wrong.
         """
+        _check_missing(missing)
+        if gains is not None:
+            self._check_gains("gains", gains)
         given = self._by_name(images)
         dropped = [name for name in self._rig if given.get(name) is None]
         if dropped and missing is None:
@@ -404,8 +408,8 @@ class RigLut:
         """
         dropped = frozenset(names_of("names", names))
         self._rig._check_names("names", dropped)
-        if not isinstance(missing, str) or missing not in ("next", "border"):
-            raise ArgumentError(f'missing: expected "next" or "border", got {type(missing).__name__}')
+        _check_missing(missing)
+        missing = missing or "next"
         left = [name for name in self._rig if name not in dropped]
         if not left:
             raise ArgumentError("names: expected at least one camera whose image is there, got none")
@@ -479,18 +483,21 @@ class RigLut:
             )
         return dict(zip(self._rig, images, strict=True))
 
-    def _gain_rows(self, what: str, gains: Mapping[str, ArrayLike]) -> NDArray[np.float64]:
-        """One row for each camera, of one number or of one for each channel."""
+    def _check_gains(self, what: str, gains: Any) -> None:
         if not isinstance(gains, Mapping):
             raise ArgumentTypeError(f"{what}: expected a mapping of names to factors, got {type(gains).__name__}")
         self._rig._check_names(what, gains)
+
+    def _gain_rows(self, what: str, gains: Mapping[str, ArrayLike]) -> NDArray[np.float64]:
+        """One row for each camera, of one number or of one for each channel."""
+        self._check_gains(what, gains)
         arrays = [array_of(f"{what}[{name!r}]", gains.get(name, 1.0)) for name in self._rig]
         try:
             rows = [np.atleast_1d(row.astype(float)) for row in arrays]
             return np.stack(np.broadcast_arrays(*rows)).reshape(len(rows), -1)
         except (TypeError, ValueError, OverflowError) as error:
             raise ArgumentError(
-                f"{what}: expected a factor for each camera, or one for each of its channels, got {gains!r:.120}"
+                f"{what}: expected a factor for each camera, or one for each of its channels ({error})"[:300]
             ) from error
 
     def __eq__(self, other: object) -> bool:
@@ -517,6 +524,12 @@ def _posed(camera: Camera, vehicle_from_camera: NDArray[np.float64]) -> Camera:
     return Camera(
         camera.intrinsics, image_size=camera.image_size, vehicle_from_camera=vehicle_from_camera, lens=camera.lens
     )
+
+
+def _check_missing(missing: Any) -> None:
+    if missing is not None and (not isinstance(missing, str) or missing not in ("next", "border")):
+        got = repr(missing) if isinstance(missing, str) else type(missing).__name__
+        raise ArgumentError(f'missing: expected "next" or "border", got {got:.60}')
 
 
 def _rebuilt(rig: Rig, grid: BevGrid, ground: Any, options: dict[str, Any]) -> RigLut:

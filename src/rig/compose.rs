@@ -16,7 +16,7 @@ const CELLS_AT_ONCE: usize = 64;
 
 /// Samples that can be mixed and brightened.
 pub trait Mix: Sample {
-    /// The sum of samples by weights of sum [`ONE`], rounded.
+    /// The sum of samples by weights in 1/32768, rounded.
     fn mix(samples: impl Iterator<Item = (Self, u16)>) -> Self;
 
     /// The sample as a number, if it is above 0 and no end of an integer type's range.

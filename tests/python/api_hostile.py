@@ -331,7 +331,7 @@ def _sequence(rng: random.Random, value: Any, arrays: list[np.ndarray]) -> tuple
         "endless": lambda: itertools.cycle(items),
         "set": lambda: {str(item) for item in items},
         "generator": lambda: (item for item in items),
-        "array": lambda: np.asarray(items) if not any(isinstance(item, (list, dict, str)) for item in items) else items,
+        "array": lambda: np.asarray(items) if all(isinstance(item, (int, float)) for item in items) else items,
         "text": lambda: str(value),
     }
     if rng.random() < 0.6:
