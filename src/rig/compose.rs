@@ -112,21 +112,23 @@ impl RigLut {
         self.check(images, out, options)?;
         let channels = images[0].channels();
         self.check_gains(gains, channels)?;
-        let gains = |camera: usize| gains.chunks_exact(channels).nth(camera);
+        let gains = |table: u8| gains.chunks_exact(channels).nth(self.cameras[usize::from(table)]);
+        let mix = |piece: &Piece<'_>, scratch: &mut [T], fill: Fill<'_, T>, cells: &mut [T]| {
+            mixed(piece, channels, gains, scratch, fill, cells);
+        };
         match options.interpolation {
             Interpolation::Nearest => {
-                let kernels = options.nearest_kernels(images)?;
-                self.pass(images, out, options, &kernels, &Winner { gains: &gains })
+                self.pass(images, out, options, &options.nearest_kernels(images)?, &|piece, scratch, fill, cells| {
+                    winner(piece, scratch, fill, cells);
+                    brighten(cells, gains(piece.tables[0]));
+                })
             }
-            Interpolation::Bilinear => {
-                let kernels = options.kernels(images)?;
-                self.pass(images, out, options, &kernels, &Blended { gains: &gains })
-            }
+            Interpolation::Bilinear => self.pass(images, out, options, &options.kernels(images)?, &mix),
             Interpolation::Area => {
                 let warp = |lut: &Lut, image: &ImageView<'_, T>, out: &mut ImageViewMut<'_, T>| {
                     lut.warp_into(image, out, options)
                 };
-                self.picture_by_picture(images, out, options, warp, &Blended { gains: &gains })
+                self.picture_by_picture(images, out, options, warp, &mix)
             }
         }
     }
@@ -142,7 +144,7 @@ impl RigLut {
         options: &WarpOptions<T>,
     ) -> Result<()> {
         self.check(images, out, options)?;
-        self.pass(images, out, options, &options.nearest_kernels(images)?, &Labels)
+        self.pass(images, out, options, &options.nearest_kernels(images)?, &winner)
     }
 
     /// The commonest id of each cell, of the camera of its largest weight.
@@ -159,7 +161,7 @@ impl RigLut {
         let warp = |lut: &Lut, image: &ImageView<'_, T>, out: &mut ImageViewMut<'_, T>| {
             lut.warp_many_mode_into(std::slice::from_ref(image), std::slice::from_mut(out), options)
         };
-        self.picture_by_picture(images, out, options, warp, &Labels)
+        self.picture_by_picture(images, out, options, warp, &winner)
     }
 
     /// Whether images, output and options fit the table and each other.
@@ -218,33 +220,17 @@ impl RigLut {
         out: &mut ImageViewMut<'_, T>,
         options: &WarpOptions<T>,
         kernels: &RowKernels<T>,
-        compose: &(impl Compose<T> + Sync),
+        compose: &(impl Fn(&Piece<'_>, &mut [T], Fill<'_, T>, &mut [T]) + Sync),
     ) -> Result<()> {
         let channels = images[0].channels();
         let border = options.border(channels, 1)?;
         let sources =
             buffer::collected(WHAT, self.cameras.iter().map(|&camera| Source::new(&images[camera], &border)))?;
-        let threads = options.threads_for(self.rows() * self.columns(), channels)?;
-        let band_rows = parallel::rows_per_band(self.rows(), self.columns(), threads);
-        parallel::for_each(threads, out.bands(band_rows), |(first, band)| {
-            let mut scratch = buffer::filled(WHAT, CELLS_AT_ONCE * channels * self.cameras(), T::default())?;
-            for (row, cells) in (first..).zip(band) {
-                let mut rows: Vec<_> = (self.tables.iter().zip(&sources))
-                    .map(|(lut, source)| RowOf { spans: lut.table().row(row), span: None, source, kernels })
-                    .collect();
-                for piece in self.pieces.row(row) {
-                    let cells = &mut cells[piece.first * channels..(piece.first + piece.cells) * channels];
-                    if piece.tables.is_empty() {
-                        sources[0].fill_border(cells);
-                        continue;
-                    }
-                    let fill = |table: u8, first: usize, cells: &mut [T]| {
-                        rows[usize::from(table)].fill(first, cells);
-                    };
-                    compose.piece(&piece, &self.cameras, channels, &mut scratch, fill, cells);
-                }
-            }
-            Ok(())
+        self.by_pieces(out, options, &sources[0], compose, |row| {
+            let mut rows: Vec<_> = (self.tables.iter().zip(&sources))
+                .map(|(lut, source)| RowOf { spans: lut.table().row(row), span: None, source, kernels })
+                .collect();
+            move |table: u8, first, cells: &mut [T]| rows[usize::from(table)].fill(first, cells)
         })
     }
 
@@ -255,7 +241,7 @@ impl RigLut {
         out: &mut ImageViewMut<'_, T>,
         options: &WarpOptions<T>,
         warp: impl Fn(&Lut, &ImageView<'_, T>, &mut ImageViewMut<'_, T>) -> Result<()>,
-        compose: &(impl Compose<T> + Sync),
+        compose: &(impl Fn(&Piece<'_>, &mut [T], Fill<'_, T>, &mut [T]) + Sync),
     ) -> Result<()> {
         let channels = images[0].channels();
         let (columns, samples) = (self.columns(), self.rows() * self.columns() * channels);
@@ -267,23 +253,39 @@ impl RigLut {
             warp(lut, &images[camera], &mut view)?;
             whole.push(picture);
         }
-        let source = Source::new(&images[0], &border);
-        let threads = options.threads_for(self.rows() * columns, channels)?;
-        let band_rows = parallel::rows_per_band(self.rows(), columns, threads);
+        self.by_pieces(out, options, &Source::new(&images[0], &border), compose, |row| {
+            let whole = &whole;
+            move |table: u8, first, cells: &mut [T]| {
+                let at = (row * columns + first) * channels;
+                cells.copy_from_slice(&whole[usize::from(table)][at..at + cells.len()]);
+            }
+        })
+    }
+
+    /// Goes through the pieces of all rows: `fill_of` a row fills cells of one camera, `compose` makes of them what is
+    /// shown, and where nobody sees the road there is the border value of `source`.
+    fn by_pieces<T: Sample, F: FnMut(u8, usize, &mut [T])>(
+        &self,
+        out: &mut ImageViewMut<'_, T>,
+        options: &WarpOptions<T>,
+        source: &Source<'_, T>,
+        compose: &(impl Fn(&Piece<'_>, &mut [T], Fill<'_, T>, &mut [T]) + Sync),
+        fill_of: impl Fn(usize) -> F + Sync,
+    ) -> Result<()> {
+        let channels = source.channels();
+        let threads = options.threads_for(self.rows() * self.columns(), channels)?;
+        let band_rows = parallel::rows_per_band(self.rows(), self.columns(), threads);
         parallel::for_each(threads, out.bands(band_rows), |(first, band)| {
             let mut scratch = buffer::filled(WHAT, CELLS_AT_ONCE * channels * self.cameras(), T::default())?;
             for (row, cells) in (first..).zip(band) {
+                let mut fill = fill_of(row);
                 for piece in self.pieces.row(row) {
                     let cells = &mut cells[piece.first * channels..(piece.first + piece.cells) * channels];
                     if piece.tables.is_empty() {
                         source.fill_border(cells);
-                        continue;
+                    } else {
+                        compose(&piece, &mut scratch, &mut fill, cells);
                     }
-                    let fill = |table: u8, first: usize, cells: &mut [T]| {
-                        let at = (row * columns + first) * channels;
-                        cells.copy_from_slice(&whole[usize::from(table)][at..at + cells.len()]);
-                    };
-                    compose.piece(&piece, &self.cameras, channels, &mut scratch, fill, cells);
                 }
             }
             Ok(())
@@ -331,103 +333,49 @@ impl<'a, T: Sample, I: Iterator<Item = Span<'a>>> RowOf<'a, T, I> {
     }
 }
 
-/// What becomes of a piece that at least one camera shows.
-trait Compose<T> {
-    /// `fill(table, first, cells)` gives the cells of one camera from column `first` on.
-    fn piece(
-        &self,
-        piece: &Piece<'_>,
-        cameras: &[usize],
-        channels: usize,
-        scratch: &mut [T],
-        fill: impl FnMut(u8, usize, &mut [T]),
-        cells: &mut [T],
-    );
+/// Fills the cells of one camera's table from a column on.
+type Fill<'a, T> = &'a mut dyn FnMut(u8, usize, &mut [T]);
+
+/// A piece of the camera of the largest weight, as it is.
+fn winner<T>(piece: &Piece<'_>, _: &mut [T], fill: Fill<'_, T>, cells: &mut [T]) {
+    fill(piece.tables[0], piece.first, cells);
 }
 
-/// The camera of the largest weight, as it is.
-struct Labels;
-
-impl<T> Compose<T> for Labels {
-    fn piece(
-        &self,
-        piece: &Piece<'_>,
-        _: &[usize],
-        _: usize,
-        _: &mut [T],
-        mut fill: impl FnMut(u8, usize, &mut [T]),
-        cells: &mut [T],
-    ) {
-        fill(piece.tables[0], piece.first, cells);
-    }
-}
-
-/// The camera of the largest weight, brightened.
-struct Winner<'a> {
-    gains: &'a (dyn Fn(usize) -> Gains<'a> + Sync),
-}
-
-impl<T: Mix> Compose<T> for Winner<'_> {
-    fn piece(
-        &self,
-        piece: &Piece<'_>,
-        cameras: &[usize],
-        _: usize,
-        _: &mut [T],
-        mut fill: impl FnMut(u8, usize, &mut [T]),
-        cells: &mut [T],
-    ) {
-        let table = piece.tables[0];
+/// A piece of all its cameras, brightened by the gains of their tables and mixed by their weights.
+fn mixed<'a, T: Mix>(
+    piece: &Piece<'_>,
+    channels: usize,
+    gains: impl Fn(u8) -> Gains<'a>,
+    scratch: &mut [T],
+    fill: Fill<'_, T>,
+    cells: &mut [T],
+) {
+    if let [table] = *piece.tables {
         fill(table, piece.first, cells);
-        brighten(cells, (self.gains)(cameras[usize::from(table)]));
+        return brighten(cells, gains(table));
     }
-}
-
-/// Cameras brightened, and mixed by their weights.
-struct Blended<'a> {
-    gains: &'a (dyn Fn(usize) -> Gains<'a> + Sync),
-}
-
-impl<T: Mix> Compose<T> for Blended<'_> {
-    fn piece(
-        &self,
-        piece: &Piece<'_>,
-        cameras: &[usize],
-        channels: usize,
-        scratch: &mut [T],
-        mut fill: impl FnMut(u8, usize, &mut [T]),
-        cells: &mut [T],
-    ) {
-        if let [table] = piece.tables {
-            fill(*table, piece.first, cells);
-            return brighten(cells, (self.gains)(cameras[usize::from(*table)]));
+    let size = CELLS_AT_ONCE * channels;
+    for (part, cells) in cells.chunks_mut(size).enumerate() {
+        let skip = part * CELLS_AT_ONCE;
+        for (&table, own) in piece.tables.iter().zip(scratch.chunks_mut(size)) {
+            let own = &mut own[..cells.len()];
+            fill(table, piece.first + skip, own);
+            brighten(own, gains(table));
         }
-        let size = CELLS_AT_ONCE * channels;
-        for (part, cells) in cells.chunks_mut(size).enumerate() {
-            let skip = part * CELLS_AT_ONCE;
-            for (&table, own) in piece.tables.iter().zip(scratch.chunks_mut(size)) {
-                let own = &mut own[..cells.len()];
-                fill(table, piece.first + skip, own);
-                brighten(own, (self.gains)(cameras[usize::from(table)]));
+        let weights = |place: usize| &piece.weights_of(place).expect("of several")[skip..];
+        if let [_, _] = piece.tables {
+            let (one, other) = scratch.split_at(size);
+            let weights = weights(0).iter().zip(weights(1));
+            let pixels = one.chunks_exact(channels).zip(other.chunks_exact(channels));
+            for ((cell, (one, other)), (&w, &v)) in cells.chunks_exact_mut(channels).zip(pixels).zip(weights) {
+                for (sample, (&a, &b)) in cell.iter_mut().zip(one.iter().zip(other)) {
+                    *sample = T::mix([(a, w), (b, v)].into_iter());
+                }
             }
-            let weights = |place: usize| &piece.weights_of(place).expect("of several")[skip..];
-            match piece.tables.len() {
-                2 => {
-                    let (one, other) = scratch.split_at(size);
-                    let weights = weights(0).iter().zip(weights(1));
-                    let pixels = one.chunks_exact(channels).zip(other.chunks_exact(channels));
-                    for ((cell, (one, other)), (&w, &v)) in cells.chunks_exact_mut(channels).zip(pixels).zip(weights) {
-                        for (sample, (&a, &b)) in cell.iter_mut().zip(one.iter().zip(other)) {
-                            *sample = T::mix([(a, w), (b, v)].into_iter());
-                        }
-                    }
-                }
-                tables => {
-                    for (index, sample) in cells.iter_mut().enumerate() {
-                        let of = |place: usize| (scratch[place * size + index], weights(place)[index / channels]);
-                        *sample = T::mix((0..tables).map(of));
-                    }
-                }
+        } else {
+            for (index, sample) in cells.iter_mut().enumerate() {
+                let of = |place: usize| (scratch[place * size + index], weights(place)[index / channels]);
+                *sample = T::mix((0..piece.tables.len()).map(of));
             }
         }
     }

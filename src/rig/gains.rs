@@ -15,9 +15,9 @@ const MOST_CELLS: usize = 4096;
 /// Fewer cells than this say nothing.
 const FEWEST_CELLS: usize = 32;
 
-/// How far a gain is from 1 (or from the previous one) as a rule, as a logarithm. Where two cameras see a flat road, ratios
-/// spread by 0.05, and a factor of 1.2 between them is found to 0.5 %. Where what they see stands on the road, and so at
-/// another place in either view, ratios spread by 0.3 and more, and half of the way is gone at most.
+/// How far a gain is from 1 (or from the previous one) as a rule, as a logarithm. It pulls with 1 / 0.2^2, a pair whose
+/// ratios spread by s with 1 / s^2: of a factor of 1.2 between two cameras 0.5 % is lost where they see a flat road alike
+/// (s = 0.05), and half of the way is gone where what they see stands on the road, at another place in either view (0.3).
 const USUAL: f64 = 0.2;
 
 /// Ratios spread at least so far, however alike the pictures.
@@ -51,8 +51,7 @@ pub(super) fn overlaps(luts: &[Lut], views: &[View]) -> Result<Vec<Overlap>> {
             let least = *resolutions.select_nth_unstable_by(middle, f32::total_cmp).1;
             let both = |&cell: &usize| views[a].seen[cell] && views[b].seen[cell] && resolution(cell) >= least;
             let step = (resolutions.len() - middle).div_ceil(MOST_CELLS);
-            let chosen =
-                buffer::collected(WHAT, (0..cells).filter(both).step_by(step).collect::<Vec<_>>().into_iter())?;
+            let chosen: Vec<usize> = (0..cells).filter(both).step_by(step).collect();
             let [of_a, of_b] = [&luts[a], &luts[b]].map(|lut| inside(lut, &chosen));
             let pairs = of_a.into_iter().zip(of_b).filter_map(|(a, b)| Some([a?, b?]));
             overlaps.push(Overlap { tables: [a, b], taps: pairs.collect() });
