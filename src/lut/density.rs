@@ -1,11 +1,14 @@
 //! How much of the source a cell sees.
 
+use std::ops::Range;
+
 use super::Lut;
 use super::footprint::{Coordinates, Sides, check_sides};
-use crate::cpu::Isa;
+use crate::cpu::{Isa, for_each_isa};
 use crate::error::Result;
 use crate::kernels::FRACTION_BITS;
 use crate::parallel;
+use crate::table::Table;
 use crate::view::buffer;
 
 impl Lut {
@@ -38,17 +41,6 @@ impl Lut {
             [area >= minimum * largest]
         })?;
         Ok(mask)
-    }
-
-    /// Source pixels a cell in the direction on the output in which there are fewest, row-major; NaN where the cell is not
-    /// valid.
-    pub(crate) fn resolution(&self) -> Result<Vec<f32>> {
-        let mut resolution = buffer::filled("resolution", self.rows() * self.columns(), f32::NAN)?;
-        self.for_each_footprint(&mut resolution, |sides| {
-            let (area, largest) = area_and_length(sides);
-            [if largest > 0.0 { (area / largest) as f32 } else { 0.0 }]
-        })?;
-        Ok(resolution)
     }
 
     /// Writes what `of` says of the footprint of every valid cell: (x, y) of the side along the row, then of the one down
@@ -87,4 +79,51 @@ impl Lut {
 fn area_and_length([ax, ay, bx, by]: [f64; 4]) -> (f64, f64) {
     let (sum, area) = (ax * ax + ay * ay + bx * bx + by * by, (ax * by - ay * bx).abs());
     (area, ((sum + (sum * sum - 4.0 * area * area).max(0.0).sqrt()) / 2.0).sqrt())
+}
+
+/// How well some neighbouring cells of a row are resolved: the source pixels a cell in the direction on the output in which
+/// there are fewest.
+pub(crate) struct Resolution<'a> {
+    isa: Isa,
+    table: &'a Table,
+    near: [Coordinates; 3],
+    sides: Sides,
+}
+
+impl<'a> Resolution<'a> {
+    /// # Errors
+    /// [`Error::AreaSize`](crate::Error::AreaSize), [`Error::Isa`](crate::Error::Isa) and
+    /// [`Error::OutOfMemory`](crate::Error::OutOfMemory).
+    pub(crate) fn of(lut: &'a Lut) -> Result<Self> {
+        check_sides(lut.source_size())?;
+        let table = &lut.table;
+        let near = [Coordinates::none(table)?, Coordinates::none(table)?, Coordinates::none(table)?];
+        Ok(Self { isa: Isa::active()?, table, near, sides: Sides::new(table.columns())? })
+    }
+
+    /// Writes that of the cells of these columns; of cells without an image anything at all.
+    pub(crate) fn read(&mut self, row: usize, columns: Range<usize>, resolution: &mut [f32]) {
+        for (near, row) in self.near.iter_mut().zip([row.checked_sub(1), Some(row), Some(row + 1)]) {
+            near.read_columns(self.isa, self.table, row, &columns);
+        }
+        self.sides.read_columns(self.isa, &self.near, columns.clone());
+        smaller_singular_values(self.isa, self.sides.columns(columns), resolution);
+    }
+}
+
+/// The smaller singular values of matrices whose columns are sides of footprints in 1/1024 pixel, in pixels.
+fn smaller_singular_values(isa: Isa, sides: [&[i32]; 4], values: &mut [f32]) {
+    #[inline(always)]
+    fn body(sides: [&[i32]; 4], values: &mut [f32]) {
+        let cells = values.len();
+        let [ax, ay, bx, by] = sides.map(|side| &side[..cells]);
+        for i in 0..cells {
+            let [ax, ay, bx, by] = [ax[i], ay[i], bx[i], by[i]].map(|side| side as f32 / (1 << FRACTION_BITS) as f32);
+            let (sum, area) = (ax * ax + ay * ay + bx * bx + by * by, (ax * by - ay * bx).abs());
+            let difference = sum * sum - 4.0 * area * area;
+            let largest = (sum + (if difference > 0.0 { difference } else { 0.0 }).sqrt()) / 2.0;
+            values[i] = if largest > 0.0 { area / largest.sqrt() } else { 0.0 };
+        }
+    }
+    for_each_isa!(isa, (body, body, body)(sides: [&[i32]; 4], values: &mut [f32]));
 }

@@ -104,10 +104,35 @@ impl Coordinates {
         }
     }
 
+    /// Reads where the cells of these columns and their neighbours sample, not which are in the mask; all outside where
+    /// there is no such row.
+    pub(crate) fn read_columns(&mut self, isa: Isa, table: &Table, row: Option<usize>, columns: &Range<usize>) {
+        let columns = columns.start.saturating_sub(1)..(columns.end + 1).min(table.columns());
+        let Some(row) = row.filter(|&row| row < table.rows()) else {
+            let own = LEAD + columns.start..LEAD + columns.end;
+            self.xs[own.clone()].fill(OUTSIDE);
+            self.ys[own].fill(OUTSIDE);
+            return;
+        };
+        let (width, _) = table.source();
+        for span in table.row(row).skip_while(|span| span.first + span.cells <= columns.start) {
+            if span.first >= columns.end {
+                break;
+            }
+            self.read_coordinates(isa, &span.part(&columns), width);
+        }
+    }
+
     /// Reads some cells of a row, of a source of this width.
     pub(crate) fn read_cells(&mut self, isa: Isa, span: Span<'_>, width: u32) {
-        let cells = span.first..span.first + span.cells;
-        let own = LEAD + cells.start..LEAD + cells.end;
+        self.read_coordinates(isa, &span, width);
+        if span.kind.is_valid() {
+            self.valid[span.first..span.first + span.cells].fill(1);
+        }
+    }
+
+    fn read_coordinates(&mut self, isa: Isa, span: &Span<'_>, width: u32) {
+        let own = LEAD + span.first..LEAD + span.first + span.cells;
         let (xs, ys) = (&mut self.xs[own.clone()], &mut self.ys[own]);
         match span.kind {
             SpanKind::Outside => {
@@ -122,9 +147,6 @@ impl Coordinates {
                     *y = fixed(row as i32, tap.fy());
                 }
             }
-        }
-        if span.kind.is_valid() {
-            self.valid[cells].fill(1);
         }
     }
 }
@@ -142,14 +164,25 @@ impl Sides {
     }
 
     /// Works them out for the middle one of three rows.
-    pub(crate) fn read(&mut self, isa: Isa, [above, here, below]: &[Coordinates; 3]) {
+    pub(crate) fn read(&mut self, isa: Isa, near: &[Coordinates; 3]) {
+        let columns = 0..self.0[0].len();
+        self.read_columns(isa, near, columns);
+    }
+
+    /// The same for some columns only.
+    pub(crate) fn read_columns(&mut self, isa: Isa, [above, here, below]: &[Coordinates; 3], columns: Range<usize>) {
         let Self([ax, ay, bx, by]) = self;
         let (above, here, below) = (above.axes(), here.axes(), below.axes());
         for (axis, (along, down)) in [(ax, bx), (ay, by)].into_iter().enumerate() {
-            let [above, here, below] = [above[axis], here[axis], below[axis]];
-            slopes(isa, here, &here[1..], &here[2..], along);
-            slopes(isa, &above[1..], &here[1..], &below[1..], down);
+            let [above, here, below] = [above[axis], here[axis], below[axis]].map(|axis| &axis[columns.start..]);
+            slopes(isa, here, &here[1..], &here[2..], &mut along[columns.clone()]);
+            slopes(isa, &above[1..], &here[1..], &below[1..], &mut down[columns.clone()]);
         }
+    }
+
+    /// Those of some columns: x along, y along, x down and y down.
+    pub(crate) fn columns(&self, columns: Range<usize>) -> [&[i32]; 4] {
+        [0, 1, 2, 3].map(|side| &self.0[side][columns.clone()])
     }
 
     /// Those of one cell.

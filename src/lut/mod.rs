@@ -15,6 +15,7 @@ use crate::grid::BevGrid;
 use crate::ground::Ground;
 use crate::table::Table;
 pub(crate) use build::{check_homography, homography_row};
+pub(crate) use density::Resolution;
 pub(crate) use derived::Derivative;
 use derived::Derived;
 pub(crate) use scene::Scene;
@@ -118,9 +119,9 @@ impl Lut {
         Ok(Self { scene: Some(Box::new(scene)), ..self })
     }
 
-    /// The table of some of its cells, those for which `keep` is true.
+    /// The table of some of its cells, those for which `keep` is true, said to be of the same scene.
     pub(crate) fn restricted(&self, keep: &[bool]) -> Result<Self> {
-        Ok(Self::of_table(self.table.restricted(keep)?))
+        Ok(Self { scene: self.scene.clone(), ..Self::of_table(self.table.restricted(keep)?) })
     }
 
     pub(crate) fn table(&self) -> &Table {

@@ -247,7 +247,7 @@ impl RigLut {
         let (columns, samples) = (self.columns(), self.rows() * self.columns() * channels);
         let border = options.border(channels, 1)?;
         let mut whole = buffer::reserved(WHAT, self.cameras())?;
-        for (lut, &camera) in self.tables.iter().zip(&self.cameras) {
+        for (lut, &camera) in self.shown()?.iter().zip(&self.cameras) {
             let mut picture = buffer::filled(WHAT, samples, T::default())?;
             let mut view = ImageViewMut::new(&mut picture, (columns, self.rows()), channels)?;
             warp(lut, &images[camera], &mut view)?;

@@ -2,10 +2,11 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::weights::View;
+use super::region::{Region, Sweep};
 use super::{Mix, RigLut, WHAT};
 use crate::error::{Error, Result};
-use crate::lut::Lut;
+use crate::lut::{Lut, Resolution};
+use crate::parallel::check_interrupt;
 use crate::table::{SpanKind, Tap};
 use crate::view::{ImageView, buffer};
 
@@ -36,28 +37,50 @@ pub(super) struct Overlap {
 
 /// The overlaps of all pairs of tables: of what both see the half that they resolve best, since far away less and less of it
 /// is road.
-pub(super) fn overlaps(luts: &[Lut], views: &[View]) -> Result<Vec<Overlap>> {
-    let cells = views[0].seen.len();
+pub(super) fn overlaps(luts: &[Lut], seen: &[Region]) -> Result<Vec<Overlap>> {
     let mut overlaps = Vec::new();
     for b in 0..luts.len() {
         for a in 0..b {
-            let resolution = |cell: usize| views[a].resolution[cell].min(views[b].resolution[cell]);
-            let seen = (0..cells).filter(|&cell| views[a].seen[cell] && views[b].seen[cell]);
-            let mut resolutions: Vec<f32> = seen.map(resolution).collect();
-            if resolutions.len() < 2 * FEWEST_CELLS {
+            let both = [&luts[a], &luts[b]];
+            let shared = shared([&seen[a], &seen[b]], both)?;
+            if shared.len() < 2 * FEWEST_CELLS {
                 continue;
             }
+            let mut resolutions = buffer::collected(WHAT, shared.iter().map(|&(_, resolution)| resolution))?;
             let middle = resolutions.len() / 2;
             let least = *resolutions.select_nth_unstable_by(middle, f32::total_cmp).1;
-            let both = |&cell: &usize| views[a].seen[cell] && views[b].seen[cell] && resolution(cell) >= least;
             let step = (resolutions.len() - middle).div_ceil(MOST_CELLS);
-            let chosen: Vec<usize> = (0..cells).filter(both).step_by(step).collect();
-            let [of_a, of_b] = [&luts[a], &luts[b]].map(|lut| inside(lut, &chosen));
+            let best = shared.iter().filter(|&&(_, resolution)| resolution >= least);
+            let chosen: Vec<usize> = best.map(|&(cell, _)| cell).step_by(step).collect();
+            let [of_a, of_b] = both.map(|lut| inside(lut, &chosen));
             let pairs = of_a.into_iter().zip(of_b).filter_map(|(a, b)| Some([a?, b?]));
             overlaps.push(Overlap { tables: [a, b], taps: pairs.collect() });
         }
     }
     Ok(overlaps)
+}
+
+/// The cells that two views see, and how well the worse one resolves them.
+fn shared(seen: [&Region; 2], luts: [&Lut; 2]) -> Result<Vec<(usize, f32)>> {
+    let columns = luts[0].columns();
+    let (mut shared, mut sweep) = (Vec::new(), Sweep::default());
+    let [mut one, mut other] = [Resolution::of(luts[0])?, Resolution::of(luts[1])?];
+    let [mut of_one, mut of_other]: [Vec<f32>; 2] = [buffer::zeroed(WHAT, columns)?, buffer::zeroed(WHAT, columns)?];
+    for row in 0..seen[0].rows() {
+        check_interrupt()?;
+        sweep.row(columns, seen.iter().map(|seen| seen.row(row)), |cells, seeing| {
+            if seeing == 0b11 {
+                let count = cells.len();
+                one.read(row, cells.clone(), &mut of_one[..count]);
+                other.read(row, cells.clone(), &mut of_other[..count]);
+                buffer::room_for(WHAT, &mut shared, count)?;
+                let worse = of_one.iter().zip(&of_other).map(|(one, other)| one.min(*other));
+                shared.extend(cells.map(|column| row * columns + column).zip(worse));
+            }
+            Ok(())
+        })?;
+    }
+    Ok(shared)
 }
 
 /// The taps of cells, in rising order, whose four pixels all exist.
@@ -100,7 +123,7 @@ impl RigLut {
             // normal equations of log gains: for each pair, gain a + ratio = gain b
             let mut normal = DMatrix::from_diagonal_element(cameras, cameras, USUAL.powi(-2));
             let mut right = DVector::from_fn(cameras, |camera, _| before(camera) * USUAL.powi(-2));
-            for overlap in &self.overlaps {
+            for overlap in self.overlaps()? {
                 let [a, b] = overlap.tables.map(|table| self.cameras[table]);
                 let Some((ratio, spread)) = overlap.log_ratio([&images[a], &images[b]], channel) else { continue };
                 let weight = spread.max(LEAST_SPREAD).powi(-2);
@@ -123,12 +146,6 @@ impl RigLut {
 }
 
 impl Overlap {
-    /// The same with other numbers for its tables; none where one of them has none.
-    pub(super) fn renumbered(&self, number: impl Fn(usize) -> Option<usize>) -> Option<Self> {
-        let [a, b] = self.tables.map(number);
-        Some(Self { tables: [a?, b?], taps: self.taps.clone() })
-    }
-
     /// The median of log(a / b) over the cells where both can be compared, and the median of how far they are from it.
     fn log_ratio<T: Mix>(&self, images: [&ImageView<'_, T>; 2], channel: usize) -> Option<(f64, f64)> {
         let mut ratios: Vec<f64> = (self.taps.iter())

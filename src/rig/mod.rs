@@ -8,21 +8,24 @@
 mod compose;
 mod gains;
 mod pieces;
+mod region;
 mod weights;
 
 pub use compose::Mix;
+
+use std::sync::OnceLock;
 
 use crate::camera::Camera;
 use crate::error::{Error, Result};
 use crate::grid::BevGrid;
 use crate::ground::Ground;
 use crate::lut::Lut;
-use crate::parallel;
+use crate::parallel::{self, check_interrupt};
 use crate::raster::{check_polygon, draw_polygon};
-use crate::view::{ImageView, buffer};
-use crate::warp::{Interpolation, WarpOptions};
+use crate::view::buffer;
 use gains::Overlap;
-use pieces::Pieces;
+use pieces::{Builder, Pieces};
+use region::Region;
 use weights::View;
 
 /// What memory is asked for, in errors.
@@ -58,16 +61,28 @@ pub struct RigOptions<'a> {
 
 /// For every cell of a grid, which cameras show it, where they sample and by what weights: built once, used for every
 /// set of images.
-#[derive(Clone, PartialEq)]
+#[derive(Clone)]
 pub struct RigLut {
     grid: BevGrid,
-    /// A table for each camera, in the order of their names, of the cells that it shows.
+    /// A table for each camera, in the order of their names, also of cells that others show.
     tables: Vec<Lut>,
     /// For each of these, which camera of the rig it is.
     cameras: Vec<usize>,
+    /// For each table which cells it sees that may be shown.
+    seen: Vec<Region>,
     pieces: Pieces,
-    /// Where pairs of cameras see the same, for their gains.
-    overlaps: Vec<Overlap>,
+    /// Tables of the cells that each camera shows; made when they are first asked for.
+    shown: OnceLock<Vec<Lut>>,
+    /// Where pairs of cameras see the same, for their gains; made when they are first asked for.
+    overlaps: OnceLock<Vec<Overlap>>,
+}
+
+/// Equal are those that show every cell alike.
+impl PartialEq for RigLut {
+    fn eq(&self, other: &Self) -> bool {
+        (self.grid, &self.tables, &self.cameras, &self.pieces)
+            == (other.grid, &other.tables, &other.cameras, &other.pieces)
+    }
 }
 
 impl RigLut {
@@ -84,31 +99,20 @@ impl RigLut {
             return Err(Error::Rig { expected: "feather from 0 to 1000 metres", got: format!("{}", options.feather) });
         }
         let excluded = excluded(&options.exclude, grid)?;
-        let mut luts = buffer::reserved(WHAT, cameras.len())?;
         let mut views = buffer::reserved(WHAT, cameras.len())?;
         for &index in &order {
-            let camera = &cameras[index].1;
-            let lut = Lut::new(camera, grid, ground)?;
-            let mut seen = lut.mask()?;
-            if let Some(Some(mask)) = options.masks.get(index) {
-                keep_unmasked(&lut, mask, &mut seen)?;
-            }
-            if let Some(excluded) = &excluded {
-                seen.iter_mut().zip(excluded).for_each(|(seen, &label)| *seen &= label == 0);
-            }
-            views.push(View { seen, resolution: lut.resolution()?, priority: index });
-            luts.push(lut);
+            let lut = Lut::new(&cameras[index].1, grid, ground)?;
+            let mask = options.masks.get(index).copied().flatten();
+            let shown = shown_cells(&lut, mask, excluded.as_deref())?;
+            views.push(View { seen: Region::seen(&lut, shown.as_deref())?, lut, priority: index });
         }
-        let overlaps = gains::overlaps(&luts, &views)?;
-        let weights = weights::of(&views, grid, options.blend, options.feather)?;
-        drop(views);
-        let mut tables = buffer::reserved(WHAT, cameras.len())?;
-        for (lut, weights) in luts.into_iter().zip(&weights) {
-            let keep = buffer::collected(WHAT, weights.iter().map(|&weight| weight > 0))?;
-            tables.push(lut.restricted(&keep)?);
-        }
-        let pieces = Pieces::new(&weights, grid.rows(), grid.columns())?;
-        Ok(Self { grid: *grid, tables, cameras: order, pieces, overlaps })
+        let pieces = weights::pieces(&views, grid, options.blend, options.feather)?;
+        let (tables, seen) = views.into_iter().map(|view| (view.lut, view.seen)).unzip();
+        Ok(Self::of_pieces(*grid, tables, order, seen, pieces))
+    }
+
+    fn of_pieces(grid: BevGrid, tables: Vec<Lut>, cameras: Vec<usize>, seen: Vec<Region>, pieces: Pieces) -> Self {
+        Self { grid, tables, cameras, seen, pieces, shown: OnceLock::new(), overlaps: OnceLock::new() }
     }
 
     /// The grid of its cells.
@@ -138,7 +142,8 @@ impl RigLut {
 
     /// Bytes that tables, pieces and weights hold.
     pub fn nbytes(&self) -> usize {
-        self.tables.iter().map(Lut::nbytes).sum::<usize>() + self.pieces.nbytes()
+        let shown = self.shown.get().into_iter().flatten();
+        self.tables.iter().chain(shown).map(Lut::nbytes).sum::<usize>() + self.pieces.nbytes()
     }
 
     /// For each cell the camera that has the largest weight, by its place in the rig; -1 where none sees it.
@@ -190,29 +195,68 @@ impl RigLut {
             return Err(Error::Rig { expected: "at least one camera whose picture is there", got: "none".to_owned() });
         }
         let kept: Vec<usize> = (0..self.cameras()).filter(|&table| left.contains(&self.cameras[table])).collect();
-        let cells = self.rows() * self.columns();
-        let mut raw = buffer::reserved(WHAT, kept.len())?;
-        for &table in &kept {
-            let mut weights = buffer::zeroed::<u32>(WHAT, cells)?;
-            for (row, weights) in weights.chunks_mut(self.columns()).enumerate() {
-                for piece in self.pieces.row(row) {
-                    piece.write_weights(table, &mut weights[piece.first..piece.first + piece.cells]);
+        let columns = self.columns();
+        let mut builder = Builder::new(columns);
+        for row in 0..self.rows() {
+            check_interrupt()?;
+            for piece in self.pieces.row(row) {
+                // the numbers that its tables have from now on, in rising order, and where their weights are
+                let mut left: Vec<(u8, usize)> = (piece.tables.iter().enumerate())
+                    .filter_map(|(place, &table)| {
+                        Some((kept.iter().position(|&kept| kept == usize::from(table))? as u8, place))
+                    })
+                    .collect();
+                left.sort_unstable();
+                let (tables, places): (Vec<u8>, Vec<usize>) = left.into_iter().unzip();
+                if tables.len() < 2 {
+                    builder.alone(piece.first..piece.first + piece.cells, tables.first().copied())?;
+                    continue;
+                }
+                let (mut raw, mut weights) = ([0; MAX_CAMERAS], [0; MAX_CAMERAS]);
+                for cell in 0..piece.cells {
+                    for (raw, &place) in raw.iter_mut().zip(&places) {
+                        *raw = piece.weights_of(place).map_or(pieces::ONE, |weights| weights[cell].into());
+                    }
+                    weights::shares(&raw[..tables.len()], &mut weights[..tables.len()]);
+                    builder.cell(piece.first + cell, &tables, &weights[..tables.len()])?;
                 }
             }
-            raw.push(weights);
+            builder.end_row()?;
         }
-        let weights = weights::shares(&raw, cells)?;
-        let number = |table: usize| kept.iter().position(|&kept| kept == table);
-        let overlaps = self.overlaps.iter().filter_map(|overlap| overlap.renumbered(number)).collect();
-        Ok(Self {
-            grid: self.grid,
-            tables: kept.iter().map(|&table| self.tables[table].clone()).collect(),
-            cameras: (kept.iter())
-                .map(|&table| left.iter().position(|&camera| camera == self.cameras[table]).expect("kept"))
-                .collect(),
-            pieces: Pieces::new(&weights, self.rows(), self.columns())?,
-            overlaps,
-        })
+        let cameras = (kept.iter())
+            .map(|&table| left.iter().position(|&camera| camera == self.cameras[table]).expect("kept"))
+            .collect();
+        let tables = kept.iter().map(|&table| self.tables[table].clone()).collect();
+        let seen = kept.iter().map(|&table| self.seen[table].clone()).collect();
+        Ok(Self::of_pieces(self.grid, tables, cameras, seen, builder.finish()))
+    }
+
+    /// For each camera the table of the cells that it shows, for what takes longer the more cells a table has.
+    fn shown(&self) -> Result<&[Lut]> {
+        if let Some(shown) = self.shown.get() {
+            return Ok(shown);
+        }
+        let (columns, mut all) = (self.columns(), buffer::reserved(WHAT, self.tables.len())?);
+        for (table, lut) in self.tables.iter().enumerate() {
+            let mut keep = buffer::filled(WHAT, self.rows() * columns, false)?;
+            for (row, keep) in keep.chunks_mut(columns).enumerate() {
+                let pieces = self.pieces.row(row);
+                for piece in pieces.filter(|piece| piece.tables.iter().any(|&shown| usize::from(shown) == table)) {
+                    keep[piece.first..piece.first + piece.cells].fill(true);
+                }
+            }
+            all.push(lut.restricted(&keep)?);
+        }
+        Ok(self.shown.get_or_init(|| all))
+    }
+
+    /// Where pairs of cameras see the same.
+    fn overlaps(&self) -> Result<&[Overlap]> {
+        if let Some(overlaps) = self.overlaps.get() {
+            return Ok(overlaps);
+        }
+        let overlaps = gains::overlaps(&self.tables, &self.seen)?;
+        Ok(self.overlaps.get_or_init(|| overlaps))
     }
 
     fn table_of(&self, camera: usize) -> usize {
@@ -269,15 +313,21 @@ fn excluded(polygons: &[Vec<[f64; 2]>], grid: &BevGrid) -> Result<Option<Vec<i32
     Ok(Some(labels))
 }
 
-/// Takes out the cells whose footprint touches a pixel that does not show the road.
-fn keep_unmasked(lut: &Lut, mask: &[bool], seen: &mut [bool]) -> Result<()> {
-    let (width, height) = lut.source_size();
-    let shown: Vec<u8> = buffer::collected(WHAT, mask.iter().map(|&shown| if shown { u8::MAX } else { 0 }))?;
-    let image = ImageView::new(&shown, (width as usize, height as usize), 1)?;
-    let options = WarpOptions { interpolation: Interpolation::Area, ..WarpOptions::default() };
-    let whole = lut.warp(&image, &options)?;
-    seen.iter_mut().zip(whole).for_each(|(seen, whole)| *seen &= whole == u8::MAX);
-    Ok(())
+/// The cells of a table that may be shown: none of the excluded ones, none whose footprint touches a pixel that does not
+/// show the road. `None` where all may.
+fn shown_cells(lut: &Lut, mask: Option<&[bool]>, excluded: Option<&[i32]>) -> Result<Option<Vec<bool>>> {
+    let mut shown = match mask {
+        Some(mask) => Some(lut.unmasked(mask)?),
+        None => None,
+    };
+    if let Some(excluded) = excluded {
+        let shown = match &mut shown {
+            Some(shown) => shown,
+            none => none.insert(buffer::filled(WHAT, excluded.len(), true)?),
+        };
+        shown.iter_mut().zip(excluded).for_each(|(shown, &label)| *shown &= label == 0);
+    }
+    Ok(shown)
 }
 
 impl std::fmt::Debug for RigLut {

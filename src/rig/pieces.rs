@@ -1,15 +1,16 @@
 //! Neighbouring cells that the same cameras show.
 
+use std::ops::Range;
+
 use super::WHAT;
 use crate::error::Result;
-use crate::parallel::check_interrupt;
 use crate::view::buffer;
 
 /// The weights of a cell sum to this. The largest one of several is below 2^15, so all fit into 16 bits.
 pub(super) const ONE: u32 = 1 << 15;
 
 /// The pieces of each row of a grid, from left to right without a gap.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub(super) struct Pieces {
     columns: usize,
     /// Where each row's pieces end.
@@ -54,58 +55,21 @@ impl<'a> Piece<'a> {
 }
 
 impl Pieces {
-    /// The pieces of weights, one row-major list for each table.
-    pub(super) fn new(weights: &[Vec<u16>], rows: usize, columns: usize) -> Result<Self> {
-        let mut all = Self {
-            columns,
-            ends: buffer::reserved(WHAT, rows)?,
-            pieces: Vec::new(),
-            tables: Vec::new(),
-            weights: Vec::new(),
-        };
-        for row in 0..rows {
-            check_interrupt()?;
-            let mut before = None;
-            let mut first = 0;
-            for column in 0..columns {
-                let own = showing(weights, row * columns + column);
-                if before != Some(own) {
-                    if let Some(before) = before {
-                        all.push(weights, row * columns, first..column, before)?;
-                    }
-                    (first, before) = (column, Some(own));
-                }
-            }
-            if let Some(before) = before {
-                all.push(weights, row * columns, first..columns, before)?;
-            }
-            all.ends.push(all.pieces.len() as u32);
-        }
-        Ok(all)
-    }
-
-    fn push(
-        &mut self,
-        weights: &[Vec<u16>],
-        row: usize,
-        cells: std::ops::Range<usize>,
-        (shown, first): (u64, u8),
-    ) -> Result<()> {
-        let begin = self.tables.len();
-        let others = (0..weights.len() as u8).filter(|&table| table != first && shown >> table & 1 == 1);
-        for table in (shown != 0).then_some(first).into_iter().chain(others) {
-            buffer::push(WHAT, &mut self.tables, table)?;
-        }
-        let count = self.tables.len() - begin;
-        let piece =
-            Packed { first: cells.start as u32, tables: (begin as u32, count as u8), weights: self.weights.len() };
-        buffer::push(WHAT, &mut self.pieces, piece)?;
-        if count > 1 {
-            buffer::room_for(WHAT, &mut self.weights, count * cells.len())?;
-            for &table in &self.tables[begin..] {
-                self.weights.extend_from_slice(&weights[usize::from(table)][row + cells.start..row + cells.end]);
-            }
-        }
+    /// Appends the pieces of rows below.
+    pub(super) fn append(&mut self, below: &Self) -> Result<()> {
+        let (pieces, tables, weights) = (self.pieces.len() as u32, self.tables.len() as u32, self.weights.len());
+        self.columns = below.columns;
+        buffer::room_for(WHAT, &mut self.ends, below.ends.len())?;
+        buffer::room_for(WHAT, &mut self.pieces, below.pieces.len())?;
+        buffer::room_for(WHAT, &mut self.tables, below.tables.len())?;
+        buffer::room_for(WHAT, &mut self.weights, below.weights.len())?;
+        self.ends.extend(below.ends.iter().map(|end| pieces + end));
+        self.pieces.extend(below.pieces.iter().map(|piece| {
+            let (first, count) = piece.tables;
+            Packed { tables: (tables + first, count), weights: weights + piece.weights, ..*piece }
+        }));
+        self.tables.extend_from_slice(&below.tables);
+        self.weights.extend_from_slice(&below.weights);
         Ok(())
     }
 
@@ -132,14 +96,90 @@ impl Pieces {
     }
 }
 
-/// Which tables show a cell, as bits, and which has the largest weight; of equals the first.
-fn showing(weights: &[Vec<u16>], cell: usize) -> (u64, u8) {
-    let (mut shown, mut most) = (0, (0, 0));
-    for (table, weights) in weights.iter().enumerate().filter(|(_, weights)| weights[cell] > 0) {
-        shown |= 1 << table;
-        if most.1 < weights[cell] {
-            most = (table as u8, weights[cell]);
-        }
+/// Writes [`Pieces`] from left to right and row by row; neighbouring cells that the same tables show become one piece.
+#[derive(Default)]
+pub(super) struct Builder {
+    pieces: Pieces,
+    /// The cells of the piece that is not in `pieces` yet.
+    open: Range<usize>,
+    /// Its tables, the one of the largest weight first, and for each the weights of its cells.
+    tables: Vec<u8>,
+    weights: Vec<Vec<u16>>,
+}
+
+impl Builder {
+    pub(super) fn new(columns: usize) -> Self {
+        Self { pieces: Pieces { columns, ..Pieces::default() }, ..Self::default() }
     }
-    (shown, most.0)
+
+    /// Adds cells that one table shows, or none.
+    pub(super) fn alone(&mut self, cells: Range<usize>, table: Option<u8>) -> Result<()> {
+        self.extend(cells, table.as_slice())
+    }
+
+    /// Adds a cell by the weights, which sum to [`ONE`], of some tables in rising order.
+    pub(super) fn cell(&mut self, column: usize, tables: &[u8], weights: &[u16]) -> Result<()> {
+        // of equals the first
+        let largest = (0..weights.len()).rev().max_by_key(|&place| weights[place]).unwrap_or(0);
+        let shown = |place: &usize| weights[*place] > 0;
+        let mut order = [0; super::MAX_CAMERAS];
+        let mut count = 0;
+        for place in std::iter::once(largest).chain((0..tables.len()).filter(|&place| place != largest)).filter(shown) {
+            order[count] = tables[place];
+            count += 1;
+        }
+        self.extend(column..column + 1, &order[..count])?;
+        if count > 1 {
+            for (&table, own) in self.tables.iter().zip(&mut self.weights) {
+                let place = tables.binary_search(&table).unwrap_or(0);
+                buffer::push(WHAT, own, weights[place])?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Makes cells part of the open piece if that is of the same tables, or of a new one.
+    fn extend(&mut self, cells: Range<usize>, tables: &[u8]) -> Result<()> {
+        if self.open.is_empty() || self.tables != tables {
+            self.close()?;
+            self.open.start = cells.start;
+            self.tables.clear();
+            self.tables.extend_from_slice(tables);
+            while self.weights.len() < tables.len() {
+                buffer::push(WHAT, &mut self.weights, Vec::new())?;
+            }
+        }
+        self.open.end = cells.end;
+        Ok(())
+    }
+
+    fn close(&mut self) -> Result<()> {
+        if !self.open.is_empty() {
+            let (all, count) = (&mut self.pieces, self.tables.len());
+            let tables = (all.tables.len() as u32, count as u8);
+            buffer::push(
+                WHAT,
+                &mut all.pieces,
+                Packed { first: self.open.start as u32, tables, weights: all.weights.len() },
+            )?;
+            buffer::room_for(WHAT, &mut all.tables, count)?;
+            all.tables.extend_from_slice(&self.tables);
+            for weights in &mut self.weights[..count] {
+                buffer::room_for(WHAT, &mut all.weights, weights.len())?;
+                all.weights.append(weights);
+            }
+        }
+        self.open = 0..0;
+        Ok(())
+    }
+
+    pub(super) fn end_row(&mut self) -> Result<()> {
+        self.close()?;
+        buffer::push(WHAT, &mut self.pieces.ends, self.pieces.pieces.len() as u32)
+    }
+
+    /// The pieces of the rows that were ended.
+    pub(super) fn finish(self) -> Pieces {
+        self.pieces
+    }
 }

@@ -1,146 +1,341 @@
 //! How much each camera counts in each cell.
 
-use super::{BlendMode, WHAT, threads_for};
+use std::ops::Range;
+
+use super::pieces::{Builder, ONE, Pieces};
+use super::region::{Columns, Region, Sweep, numbers};
+use super::{BlendMode, MAX_CAMERAS, WHAT, threads_for};
 use crate::error::Result;
 use crate::grid::BevGrid;
+use crate::lut::{Lut, Resolution};
 use crate::parallel::{self, check_interrupt};
-use crate::rig::pieces::ONE;
 use crate::view::buffer;
-
-/// What one camera sees of the grid, row-major.
-pub(super) struct View {
-    /// Whether it sees the cell.
-    pub(super) seen: Vec<bool>,
-    /// Source pixels a cell in the direction in which there are fewest; NaN where it sees none.
-    pub(super) resolution: Vec<f32>,
-    /// The smaller, the more it counts where that is asked for.
-    pub(super) priority: usize,
-}
 
 /// Weights of less than this share are left out: a camera that is hardly seen costs as much as another.
 const LEAST_SHARE: u64 = 64;
 
-/// The weight of each view in each cell, in 1/[`ONE`]: they sum to `ONE` where any sees it, and are 0 elsewhere.
+/// A view of this weight shows a cell alone if all others that see it have the least, 1.
+const ALONE: u32 = LEAST_SHARE as u32 * MAX_CAMERAS as u32;
+
+/// One camera: its table, the cells that it sees, and its place in the rig.
+pub(super) struct View {
+    pub(super) lut: Lut,
+    pub(super) seen: Region,
+    pub(super) priority: usize,
+}
+
+/// The pieces of a grid: the tables of the views that see each cell, and their weights where they are several.
 ///
 /// A seam is where the winner changes. The share of each camera's cells in a box of the feather's width goes from 1 to 0
 /// across it in a straight line; times the same of what it sees, so that nothing is cut off where its picture ends.
-pub(super) fn of(views: &[View], grid: &BevGrid, blend: BlendMode, feather: f64) -> Result<Vec<Vec<u16>>> {
-    let shape = (grid.rows(), grid.columns());
+/// Cells that one camera sees alone, which are nine of ten, are not looked at one by one.
+pub(super) fn pieces(views: &[View], grid: &BevGrid, blend: BlendMode, feather: f64) -> Result<Pieces> {
+    let (rows, columns) = (grid.rows(), grid.columns());
     let (dx, dy) = grid.resolution();
     // a box of 2 r + 1 cells
     let radius = [dx, dy].map(|cell| (feather / (2.0 * cell)).floor().min(1e4) as usize);
-    let winner = match blend {
+    let won = match blend {
         BlendMode::Feather => None,
-        BlendMode::Best | BlendMode::Priority => Some(winners(views, blend)?),
+        BlendMode::Best | BlendMode::Priority => Some(winners(views, (rows, columns), blend)?),
     };
-    let mut raw = buffer::reserved(WHAT, views.len())?;
-    for _ in views {
-        raw.push(buffer::zeroed::<u32>(WHAT, shape.0 * shape.1)?);
-    }
-    let jobs = raw.iter_mut().zip(views).enumerate();
-    parallel::for_each(threads_for(shape.0 * shape.1), jobs, |(index, (raw, view))| {
-        let sees = soft(|cell| view.seen[cell], shape, radius)?;
-        let wins = winner.as_ref().map(|winner| soft(|cell| usize::from(winner[cell]) == index, shape, radius));
-        let wins = wins.transpose()?;
-        for (cell, raw) in raw.iter_mut().enumerate().filter(|&(cell, _)| view.seen[cell]) {
-            // half of the box is seen at a straight edge, all of it half a feather away
-            let ramp = (2.0 * sees[cell] - 1.0).max(0.0);
-            let share = wins.as_ref().map_or(1.0, |wins| wins[cell]);
-            *raw = 1 + (ramp * share * (1 << 24) as f32) as u32;
+    let pieces = by_bands((rows, columns), |rows_of_band| {
+        let mut builder = Builder::new(columns);
+        let mut seams = Seams::new(views, won.as_deref(), (rows, columns), radius)?;
+        seams.begin(rows_of_band.start)?;
+        for row in rows_of_band {
+            check_interrupt()?;
+            seams.row(row, &mut builder)?;
         }
+        Ok(builder.finish())
+    })?;
+    let mut all = Pieces::default();
+    pieces.iter().try_for_each(|pieces| all.append(pieces))?;
+    Ok(all)
+}
+
+/// What `of` makes of each band of rows, from the top down.
+fn by_bands<T: Send>((rows, columns): (usize, usize), of: impl Fn(Range<usize>) -> Result<T> + Sync) -> Result<Vec<T>> {
+    let threads = threads_for(rows * columns);
+    let band_rows = parallel::rows_per_band(rows, columns, threads);
+    let bands = rows.div_ceil(band_rows);
+    let mut made: Vec<Option<T>> = buffer::reserved(WHAT, bands)?;
+    made.resize_with(bands, || None);
+    parallel::for_each(threads, made.iter_mut().enumerate(), |(band, made)| {
+        *made = Some(of(band * band_rows..((band + 1) * band_rows).min(rows))?);
         Ok(())
     })?;
-    shares(&raw, shape.0 * shape.1)
+    let mut all = buffer::reserved(WHAT, bands)?;
+    all.extend(made.into_iter().flatten());
+    Ok(all)
 }
 
-/// The view that shows each cell, or 255.
-fn winners(views: &[View], blend: BlendMode) -> Result<Vec<u8>> {
-    let cells = views[0].seen.len();
-    let mut winner = buffer::filled(WHAT, cells, u8::MAX)?;
-    for (cell, winner) in winner.iter_mut().enumerate() {
-        let seeing = views.iter().enumerate().filter(|(_, view)| view.seen[cell]);
-        let best = match blend {
-            BlendMode::Priority => seeing.min_by_key(|(_, view)| view.priority),
-            _ => seeing.reduce(|best, other| match other.1.resolution[cell] > best.1.resolution[cell] {
-                true => other,
-                false => best, // of equals the first
-            }),
+/// For each view the cells that it wins.
+fn winners(views: &[View], shape: (usize, usize), blend: BlendMode) -> Result<Vec<Region>> {
+    let bands = by_bands(shape, |rows| {
+        let mut won = buffer::filled(WHAT, views.len(), Region::default())?;
+        let mut sweep = Sweep::default();
+        let mut contest = Contest::new(views, shape.1)?;
+        for row in rows {
+            check_interrupt()?;
+            sweep.row(shape.1, views.iter().map(|view| view.seen.row(row)), |cells, seeing| {
+                match (seeing.count_ones(), blend) {
+                    (0, _) => Ok(()),
+                    (1, _) => won[seeing.trailing_zeros() as usize].push(cells),
+                    (_, BlendMode::Best) => contest.row(row, cells, seeing, &mut won),
+                    _ => {
+                        let first = numbers(seeing).min_by_key(|&view| views[usize::from(view)].priority);
+                        first.map_or(Ok(()), |first| won[usize::from(first)].push(cells))
+                    }
+                }
+            })?;
+            won.iter_mut().try_for_each(Region::end_row)?;
+        }
+        Ok(won)
+    })?;
+    let mut all = buffer::filled(WHAT, views.len(), Region::default())?;
+    for band in &bands {
+        all.iter_mut().zip(band).try_for_each(|(all, band)| all.append(band))?;
+    }
+    Ok(all)
+}
+
+/// Finds which of several views resolves cells best.
+struct Contest<'a> {
+    views: &'a [View],
+    /// Made when a view first takes part.
+    resolutions: Vec<Option<Resolution<'a>>>,
+    /// Of the best view so far, which is in `winner`, and of another.
+    best: Vec<f32>,
+    other: Vec<f32>,
+    winner: Vec<u8>,
+}
+
+impl<'a> Contest<'a> {
+    fn new(views: &'a [View], columns: usize) -> Result<Self> {
+        let mut resolutions = buffer::reserved(WHAT, views.len())?;
+        resolutions.resize_with(views.len(), || None);
+        Ok(Self {
+            views,
+            resolutions,
+            best: buffer::zeroed(WHAT, columns)?,
+            other: buffer::zeroed(WHAT, columns)?,
+            winner: buffer::zeroed(WHAT, columns)?,
+        })
+    }
+
+    /// Adds each of the cells to what its winner has won; of equals the first wins.
+    fn row(&mut self, row: usize, cells: Range<usize>, seeing: u64, won: &mut [Region]) -> Result<()> {
+        let count = cells.len();
+        for (nth, view) in numbers(seeing).enumerate() {
+            let resolution = match &mut self.resolutions[usize::from(view)] {
+                Some(resolution) => resolution,
+                none => none.insert(Resolution::of(&self.views[usize::from(view)].lut)?),
+            };
+            if nth == 0 {
+                resolution.read(row, cells.clone(), &mut self.best[..count]);
+                self.winner[..count].fill(view);
+                continue;
+            }
+            resolution.read(row, cells.clone(), &mut self.other[..count]);
+            let cells = self.best.iter_mut().zip(&self.other).zip(&mut self.winner).take(count);
+            for ((best, &other), winner) in cells {
+                let wins = other > *best;
+                *best = if wins { other } else { *best };
+                *winner = if wins { view } else { *winner };
+            }
+        }
+        let mut first = cells.start;
+        for same in self.winner[..count].chunk_by(|one, next| one == next) {
+            won[usize::from(same[0])].push(first..first + same.len())?;
+            first += same.len();
+        }
+        Ok(())
+    }
+}
+
+/// Weights row by row: for each view and column, how many cells of the box around it are seen and won.
+struct Seams<'a> {
+    views: &'a [View],
+    won: Option<&'a [Region]>,
+    shape: (usize, usize),
+    radius: [usize; 2],
+    sees: Vec<Vec<u32>>,
+    wins: Vec<Vec<u32>>,
+    sweep: Sweep,
+}
+
+impl<'a> Seams<'a> {
+    fn new(views: &'a [View], won: Option<&'a [Region]>, shape: (usize, usize), radius: [usize; 2]) -> Result<Self> {
+        let columns = |count: usize| {
+            let none = buffer::zeroed(WHAT, shape.1)?;
+            buffer::filled(WHAT, count, none)
         };
-        if let Some((index, _)) = best {
-            *winner = index as u8;
+        Ok(Self {
+            views,
+            won,
+            shape,
+            radius,
+            sees: columns(views.len())?,
+            wins: columns(won.map_or(0, <[Region]>::len))?,
+            sweep: Sweep::default(),
+        })
+    }
+
+    /// Fills the boxes but for the last row that the one around `row` takes in.
+    fn begin(&mut self, row: usize) -> Result<()> {
+        let down = self.radius[0];
+        for near in row.saturating_sub(down + 1)..(row + down).min(self.shape.0) {
+            check_interrupt()?;
+            self.count(near, u32::wrapping_add);
+        }
+        Ok(())
+    }
+
+    /// Adds the cells of a row to the boxes, or takes them out again.
+    fn count(&mut self, row: usize, change: impl Fn(u32, u32) -> u32) {
+        let across = self.radius[1];
+        for (sums, view) in self.sees.iter_mut().zip(self.views) {
+            for &cells in view.seen.row(row) {
+                count_near(sums, cells, across, &change);
+            }
+        }
+        for (sums, won) in self.wins.iter_mut().zip(self.won.unwrap_or_default()) {
+            for &cells in won.row(row) {
+                count_near(sums, cells, across, &change);
+            }
         }
     }
-    Ok(winner)
+
+    /// Adds a row's pieces. Rows follow each other from where the boxes were begun.
+    fn row(&mut self, row: usize, builder: &mut Builder) -> Result<()> {
+        let ((rows, columns), [down, across]) = (self.shape, self.radius);
+        if row + down < rows {
+            self.count(row + down, u32::wrapping_add);
+        }
+        if row > down {
+            self.count(row - down - 1, u32::wrapping_sub);
+        }
+        let height = (row + down + 1).min(rows) - row.saturating_sub(down);
+        let Self { views, sees, wins, sweep, .. } = self;
+        sweep.row(columns, views.iter().map(|view| view.seen.row(row)), |cells, seeing| {
+            if seeing.count_ones() < 2 {
+                return builder.alone(cells, numbers(seeing).next());
+            }
+            let (mut tables, mut count) = ([0; MAX_CAMERAS], 0);
+            for view in numbers(seeing) {
+                (tables[count], count) = (view, count + 1);
+            }
+            let tables = &tables[..count];
+            let (mut raw, mut weights) = ([0; MAX_CAMERAS], [0; MAX_CAMERAS]);
+            let mut column = cells.start;
+            while column < cells.end {
+                let of_box =
+                    |column: usize| height * ((column + across + 1).min(columns) - column.saturating_sub(across));
+                // away from the seams one view has won all of the box
+                let won_by = |view: usize, column: usize| {
+                    let all = of_box(column);
+                    wins[view][column] as usize == all && raw_weight(sees[view][column], all, 1.0) >= ALONE
+                };
+                let winner = tables.iter().find(|&&view| !wins.is_empty() && won_by(view.into(), column));
+                if let Some(&view) = winner {
+                    let end = (column + 1..cells.end).find(|&column| !won_by(view.into(), column));
+                    let end = end.unwrap_or(cells.end);
+                    builder.alone(column..end, Some(view))?;
+                    column = end;
+                    continue;
+                }
+                let all = of_box(column);
+                for (raw, &view) in raw.iter_mut().zip(tables) {
+                    let view = usize::from(view);
+                    let share = wins.get(view).map_or(1.0, |wins| wins[column] as f32 / all as f32);
+                    *raw = raw_weight(sees[view][column], all, share);
+                }
+                shares(&raw[..count], &mut weights[..count]);
+                builder.cell(column, tables, &weights[..count])?;
+                column += 1;
+            }
+            Ok(())
+        })?;
+        builder.end_row()
+    }
 }
 
-/// Which share of a box around each cell, as far as it is on the grid, `inside` is true of.
-fn soft(
-    inside: impl Fn(usize) -> bool,
-    (rows, columns): (usize, usize),
-    [down, across]: [usize; 2],
-) -> Result<Vec<f32>> {
-    let mut share = buffer::filled(WHAT, rows * columns, 0.0)?;
-    // how many cells of each row's stretch are inside, then the sums of these over the box's rows, as it moves down
-    let mut along: Vec<u32> = buffer::zeroed(WHAT, rows * columns)?;
-    for (row, counts) in along.chunks_mut(columns).enumerate() {
-        check_interrupt()?;
-        let at = |column: usize| u32::from(inside(row * columns + column));
-        let mut count: u32 = (0..across.min(columns)).map(at).sum();
-        for (column, sum) in counts.iter_mut().enumerate() {
-            if column + across < columns {
-                count += at(column + across);
-            }
-            if column > across {
-                count -= at(column - across - 1);
-            }
-            *sum = count;
-        }
-    }
-    let row = |row: usize| &along[row * columns..(row + 1) * columns];
-    let mut sums: Vec<u32> = buffer::zeroed(WHAT, columns)?;
-    let add = |sums: &mut [u32], counts: &[u32]| sums.iter_mut().zip(counts).for_each(|(sum, count)| *sum += count);
-    for first in 0..down.min(rows) {
-        add(&mut sums, row(first));
-    }
-    for (at, shares) in share.chunks_mut(columns).enumerate() {
-        check_interrupt()?;
-        if at + down < rows {
-            add(&mut sums, row(at + down));
-        }
-        if at > down {
-            sums.iter_mut().zip(row(at - down - 1)).for_each(|(sum, count)| *sum -= count);
-        }
-        let height = (at + down + 1).min(rows) - at.saturating_sub(down);
-        for (column, (share, &sum)) in shares.iter_mut().zip(&sums).enumerate() {
-            let width = (column + across + 1).min(columns) - column.saturating_sub(across);
-            *share = sum as f32 / (height * width) as f32;
-        }
-    }
-    Ok(share)
+/// The weight of a view in a cell, by how many of the cells of its box are seen and which share of them is won.
+fn raw_weight(seen: u32, of_box: usize, share: f32) -> u32 {
+    // half of the box is seen at a straight edge, all of it half a feather away
+    let ramp = (2.0 * (seen as f32 / of_box as f32) - 1.0).max(0.0);
+    1 + (ramp * share * (1 << 24) as f32) as u32
 }
 
-/// Weights of sum [`ONE`] in the proportion of others, without the smallest.
-pub(super) fn shares(raw: &[Vec<u32>], cells: usize) -> Result<Vec<Vec<u16>>> {
-    let mut weights = buffer::reserved(WHAT, raw.len())?;
-    for _ in raw {
-        weights.push(buffer::zeroed::<u16>(WHAT, cells)?);
+/// Changes, for each column, the number of cells of a box by how many of some neighbouring ones of a row are at most
+/// `across` columns away.
+fn count_near(sums: &mut [u32], (first, end): Columns, across: usize, change: impl Fn(u32, u32) -> u32) {
+    let (first, end, columns) = (first as usize, end as usize, sums.len());
+    let near = |column: usize| (end.min(column + across + 1) - first.max(column.saturating_sub(across))) as u32;
+    // rising, level, falling: where the box has both its ends inside the cells, or both outside
+    let (begin, stop) = (first.saturating_sub(across), (end + across).min(columns));
+    let (one, other) = (first + across, (end + across).saturating_sub(2 * across));
+    let level = one.min(other).clamp(begin, stop)..one.max(other).clamp(begin, stop);
+    for column in (begin..level.start).chain(level.end..stop) {
+        sums[column] = change(sums[column], near(column));
     }
-    for cell in 0..cells {
-        let sum: u64 = raw.iter().map(|raw| u64::from(raw[cell])).sum();
-        let counts = |raw: &Vec<u32>| u64::from(raw[cell]) * LEAST_SHARE >= sum && raw[cell] > 0;
-        let sum: u64 = raw.iter().filter(|raw| counts(raw)).map(|raw| u64::from(raw[cell])).sum();
-        let (mut left, mut most) = (u64::from(ONE), 0);
-        for (index, raw) in raw.iter().enumerate().filter(|(_, raw)| counts(raw)) {
-            let weight = u64::from(raw[cell]) * u64::from(ONE) / sum;
-            weights[index][cell] = weight as u16;
-            left -= weight;
-            if weights[index][cell] > weights[most][cell] {
-                most = index;
+    if !level.is_empty() {
+        let count = near(level.start);
+        sums[level].iter_mut().for_each(|sum| *sum = change(*sum, count));
+    }
+}
+
+/// Weights of one cell, of sum [`ONE`], in the proportion of others without the smallest; all 0 where they are.
+pub(super) fn shares(raw: &[u32], weights: &mut [u16]) {
+    let sum: u64 = raw.iter().copied().map(u64::from).sum();
+    let counts = |raw: u32| raw > 0 && u64::from(raw) * LEAST_SHARE >= sum;
+    let sum: u64 = raw.iter().copied().filter(|&raw| counts(raw)).map(u64::from).sum();
+    let (mut left, mut most) = (if sum > 0 { ONE } else { 0 }, 0);
+    for (place, &raw) in raw.iter().enumerate() {
+        weights[place] = if counts(raw) { (u64::from(raw) * u64::from(ONE) / sum) as u16 } else { 0 };
+        left -= u32::from(weights[place]);
+        if weights[place] > weights[most] {
+            most = place;
+        }
+    }
+    weights[most] += left as u16;
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn weights_sum_to_one_and_the_smallest_are_left_out() {
+        let mut weights = [7; 3];
+        shares(&[1 << 24, 1, 1 << 24], &mut weights);
+        assert_eq!(weights, [1 << 14, 0, 1 << 14]);
+        shares(&[3, 1, 3], &mut weights);
+        assert_eq!(weights.map(u32::from).iter().sum::<u32>(), ONE);
+        assert!(
+            weights[0] > weights[2] && weights[2] > 2 * weights[1],
+            "what is left goes to the largest: {weights:?}"
+        );
+        shares(&[0, 5, 0], &mut weights);
+        assert_eq!(weights, [0, 1 << 15, 0]);
+        shares(&[0; 3], &mut weights);
+        assert_eq!(weights, [0; 3]);
+    }
+
+    #[test]
+    fn boxes_count_what_is_near() {
+        let columns = 23u32;
+        for across in [0, 1, 2, 5, 11, 40] {
+            for (first, end) in (0..columns).flat_map(|first| (first + 1..=columns).map(move |end| (first, end))) {
+                let mut sums = vec![100; columns as usize];
+                count_near(&mut sums, (first, end), across, u32::wrapping_add);
+                for (column, &sum) in sums.iter().enumerate() {
+                    let near = (first as usize..end as usize).filter(|&cell| cell.abs_diff(column) <= across).count();
+                    assert_eq!(sum, 100 + near as u32, "{first}..{end} by {across} at {column}");
+                }
+                count_near(&mut sums, (first, end), across, u32::wrapping_sub);
+                assert_eq!(sums, vec![100; columns as usize]);
             }
         }
-        if sum > 0 {
-            weights[most][cell] += left as u16;
-        }
     }
-    Ok(weights)
 }

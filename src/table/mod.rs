@@ -59,6 +59,16 @@ pub(crate) struct Span<'a> {
     pub(crate) first_tap: usize,
 }
 
+impl Span<'_> {
+    /// Those of its cells that are in these columns, some of which are.
+    pub(crate) fn part(&self, columns: &Range<usize>) -> Self {
+        let skip = columns.start.saturating_sub(self.first);
+        let cells = self.cells.min(columns.end - self.first) - skip;
+        let taps = if self.taps.is_empty() { self.taps } else { &self.taps[skip..skip + cells] };
+        Self { first: self.first + skip, cells, taps, first_tap: self.first_tap + skip, ..*self }
+    }
+}
+
 /// The spans of consecutive rows. The spans of a row are as many cells as the row has.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(crate) struct RowSpans {

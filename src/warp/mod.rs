@@ -3,6 +3,7 @@
 pub(crate) mod area;
 mod blend;
 pub mod direct;
+mod masked;
 mod mode;
 mod nearest;
 mod options;
