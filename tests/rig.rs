@@ -3,7 +3,8 @@
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on should say so")]
 use ipm_rs::rig::{BlendMode, RigLut, RigOptions};
 use ipm_rs::{
-    BevGrid, Camera, Ground, ImageView, ImageViewMut, Interpolation, KannalaBrandt, Lut, Pinhole, SampleAt, WarpOptions,
+    BevGrid, Camera, Ground, ImageMask, ImageView, ImageViewMut, Interpolation, KannalaBrandt, Lut, Pinhole, SampleAt,
+    WarpOptions,
 };
 
 const SIZE: (u32, u32) = (160, 120);
@@ -163,7 +164,8 @@ fn masks_and_polygons_take_cells_away() {
     let cameras = cameras();
     let plain = RigLut::new(&cameras, &grid(), &Ground::default(), &RigOptions::default()).unwrap();
     let bonnet: Vec<bool> = (0..SIZE.0 as usize * SIZE.1 as usize).map(|k| k / (SIZE.0 as usize) < 70).collect();
-    let masks = vec![None, Some(&*bonnet), None, None];
+    let bonnet = ImageMask::new(SIZE, bonnet).unwrap();
+    let masks = vec![None, Some(&bonnet), None, None];
     let masked =
         RigLut::new(&cameras, &grid(), &Ground::default(), &RigOptions { masks, ..RigOptions::default() }).unwrap();
     let count =

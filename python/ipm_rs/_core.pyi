@@ -956,6 +956,27 @@ class Camera:
         bird's-eye view that go with a mirrored image are mirrored too, y to -y (`flip_handedness`). `image[::-1]` is
         that of `camera.mirrored().rotated180()`.
         """
+    def masked(self, mask: ArrayLike | None = None, *, hide: ArrayLike | Sequence[ArrayLike] | None = None) -> Camera:
+        """The same camera, some of whose pixels do not show the road: the own bonnet, mirrors, what lies outside a
+        fisheye's circle.
+
+        Cells of a `Lut` or `RigLut` whose footprint touches a hidden pixel are not in its mask and get the border value.
+        The mask goes where the camera goes: into pickles and JSON, and through `resized`, `cropped`, `binned`,
+        `rotated180`, `mirrored` and `with_pose`. Masks of several calls add up. `project` and its kin are geometry and
+        do not look at it.
+
+        Args:
+            mask: (H, W), of the shape of the images; True, or not 0, where they show the road.
+            hide: (M, 2) polygon of pixels (u, v), or several, which do not show the road: the pixels whose centres are
+                inside (even-odd rule).
+
+        Raises:
+            ImageError: the mask has another shape.
+            ArgumentError, ArgumentTypeError: neither was given; a polygon is none.
+        """
+    @property
+    def mask(self) -> NDArray[np.bool_] | None:
+        """(H, W) bool, True where the images show the road, as a new array; None where all of them do."""
     def pixels_from_cells(
         self, rc: ArrayLike, grid: BevGrid, *, ground: float | Plane | HeightMap = 0.0
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:

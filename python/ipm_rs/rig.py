@@ -202,8 +202,9 @@ class RigLut:
     ground : float, Plane or HeightMap
         The road, as for `Lut`.
     masks : mapping of str to (H, W) array, optional
-        For some of the cameras, which pixels show the road: True, or not 0. The own bonnet, the rim of a fisheye's
-        circle, mirrors. A cell whose footprint touches any other pixel is not seen by that camera.
+        For some of the cameras, which pixels show the road, True or not 0, beside what their own masks hide
+        (`Camera.masked`). The own bonnet, the rim of a fisheye's circle, mirrors. A cell whose footprint touches any other pixel is
+        not seen by that camera.
     exclude : sequence of (M, 2) arrays, optional
         Polygons on the ground, metres, whose cells are not shown: the own car. One polygon may be given as it is.
     blend : {"best", "feather", "priority"}
@@ -521,9 +522,10 @@ class RigLut:
 
 
 def _posed(camera: Camera, vehicle_from_camera: NDArray[np.float64]) -> Camera:
-    return Camera(
+    posed = Camera(
         camera.intrinsics, image_size=camera.image_size, vehicle_from_camera=vehicle_from_camera, lens=camera.lens
     )
+    return posed if camera.mask is None else posed.masked(camera.mask)
 
 
 def _check_missing(missing: Any) -> None:

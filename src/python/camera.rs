@@ -1,6 +1,7 @@
 //! `Camera`.
 
 use std::hash::{Hash, Hasher};
+use std::sync::Arc;
 
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
@@ -13,18 +14,38 @@ use super::each::{each_projected, each_row_into};
 use super::error::classes::CalibrationError;
 use super::ground::{given_road, only_ground, road};
 use super::lens::{hash_lens, lens as lens_model, lens_to_python};
+use super::mask::mask_of;
 use super::options::thread_count;
 use super::outputs::Given;
 use super::points::PointsArray;
 use super::warnings::checked;
 use crate::geometry::Pose;
-use crate::{Camera, Pinhole};
+use crate::{Camera, ImageMask, Pinhole};
 
 #[doc = help!("Camera")]
 #[pyclass(frozen, eq, hash, module = "ipm_rs", name = "Camera")]
 #[derive(PartialEq)]
 pub(super) struct PyCamera {
     pub(super) camera: Camera,
+    /// Which pixels show the road, if not all do.
+    pub(super) mask: Option<Arc<ImageMask>>,
+}
+
+impl From<Camera> for PyCamera {
+    fn from(camera: Camera) -> Self {
+        Self { camera, mask: None }
+    }
+}
+
+impl PyCamera {
+    /// Another camera, whose images have the mask that is made of this one's.
+    pub(super) fn with_image(
+        &self,
+        camera: Camera,
+        mask: impl FnOnce(&ImageMask) -> crate::Result<ImageMask>,
+    ) -> PyResult<Self> {
+        Ok(Self { camera, mask: self.mask.as_deref().map(mask).transpose()?.map(Arc::new) })
+    }
 }
 
 impl Hash for PyCamera {
@@ -72,7 +93,7 @@ impl PyCamera {
             }
         };
         let camera = Camera::new(pinhole(K)?, size("image_size", image_size)?, pose)?.with_lens(lens_model(lens)?);
-        Ok(Self { camera: checked(K.py(), camera)? })
+        Ok(checked(K.py(), camera)?.into())
     }
 
     #[doc = help!("Camera.from_euler")]
@@ -102,7 +123,7 @@ impl PyCamera {
         let (roll, pitch, yaw) = (angle("roll", roll)?, angle("pitch", pitch)?, angle("yaw", yaw)?);
         let size = size("image_size", image_size)?;
         let camera = Camera::from_euler(pinhole(K)?, size, position, roll, pitch, yaw)?.with_lens(lens_model(lens)?);
-        Ok(Self { camera: checked(K.py(), camera)? })
+        Ok(checked(K.py(), camera)?.into())
     }
 
     #[doc = help!("Camera.intrinsics")]
@@ -209,7 +230,8 @@ impl PyCamera {
 
     #[doc = help!("Camera.resized")]
     fn resized(&self, width: &Bound<'_, PyAny>, height: &Bound<'_, PyAny>) -> PyResult<Self> {
-        Ok(Self { camera: self.camera.resized(whole("width", width)?, whole("height", height)?)? })
+        let (width, height) = (whole("width", width)?, whole("height", height)?);
+        self.with_image(self.camera.resized(width, height)?, |mask| mask.resized(width, height))
     }
 
     #[doc = help!("Camera.cropped")]
@@ -221,7 +243,8 @@ impl PyCamera {
         height: &Bound<'_, PyAny>,
     ) -> PyResult<Self> {
         let (x, y) = (whole("x", x)?, whole("y", y)?);
-        Ok(Self { camera: self.camera.cropped(x, y, whole("width", width)?, whole("height", height)?)? })
+        let (width, height) = (whole("width", width)?, whole("height", height)?);
+        self.with_image(self.camera.cropped(x, y, width, height)?, |mask| mask.cropped(x, y, width, height))
     }
 
     #[doc = help!("Camera.with_pose")]
@@ -235,36 +258,49 @@ impl PyCamera {
         nearest_rotation: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
         let pose = pose("camera_from_vehicle", camera_from_vehicle, nearest_rotation)?;
-        Ok(Self { camera: self.camera.with_pose(pose) })
+        Ok(Self { camera: self.camera.with_pose(pose), mask: self.mask.clone() })
     }
 
     /// A camera out of a pickle: nothing is said of it again, for what is odd about it was said when it was made, or
     /// comes of a crop.
     #[classmethod]
+    #[pyo3(signature = (k, image_size, camera_from_vehicle, lens, mask = None))]
     fn _unpickled(
         _cls: &Bound<'_, PyType>,
         k: &Bound<'_, PyAny>,
         image_size: &Bound<'_, PyAny>,
         camera_from_vehicle: &Bound<'_, PyAny>,
         lens: Option<&Bound<'_, PyAny>>,
+        mask: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
         let pose = pose("camera_from_vehicle", camera_from_vehicle, None)?;
         let camera = Camera::new(pinhole(k)?, size("image_size", image_size)?, pose)?;
-        Ok(Self { camera: camera.with_lens(lens_model(lens)?) })
+        let camera = camera.with_lens(lens_model(lens)?);
+        let mask = mask.map(|mask| mask_of("mask", mask, &camera)).transpose()?;
+        Ok(Self { camera, mask: mask.map(Arc::new) })
     }
 
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Parts<'py>)> {
         let rebuild = py.get_type::<Self>().getattr("_unpickled")?;
-        Ok((rebuild, (self.intrinsics(py)?, self.image_size(), self.camera_from_vehicle(py)?, self.lens(py)?)))
+        let mask = self.mask(py)?;
+        Ok((rebuild, (self.intrinsics(py)?, self.image_size(), self.camera_from_vehicle(py)?, self.lens(py)?, mask)))
     }
 
     fn __repr__(&self) -> String {
-        self.camera.to_string()
+        let Some(mask) = &self.mask else { return self.camera.to_string() };
+        let hidden = mask.shown().iter().filter(|&&shown| !shown).count() as f64 / mask.shown().len() as f64;
+        format!("{}, {:.1} % of it hidden by its mask)", self.camera.to_string().trim_end_matches(')'), 100.0 * hidden)
     }
 }
 
-/// K, image size, pose and lens, of which a pickle is made.
-type Parts<'py> = (Bound<'py, PyArray2<f64>>, (u32, u32), Bound<'py, PyArray2<f64>>, Option<Bound<'py, PyAny>>);
+/// K, image size, pose, lens and mask, of which a pickle is made.
+type Parts<'py> = (
+    Bound<'py, PyArray2<f64>>,
+    (u32, u32),
+    Bound<'py, PyArray2<f64>>,
+    Option<Bound<'py, PyAny>>,
+    Option<Bound<'py, PyArray2<bool>>>,
+);
 
 fn pinhole(k: &Bound<'_, PyAny>) -> PyResult<Pinhole> {
     Ok(Pinhole::from_matrix(&matrix3("K", k)?)?)

@@ -17,7 +17,7 @@ use super::lens::lens as lens_model;
 use super::warnings::checked;
 use crate::parallel::num_threads;
 use crate::view::buffer;
-use crate::{Binning, Camera, Pinhole, RangeError};
+use crate::{Binning, Camera, ImageMask, Pinhole, RangeError};
 
 /// One pixel, in degrees of pitch that are as hard to keep.
 const DEFAULT_PITCH: f64 = 0.1;
@@ -62,7 +62,7 @@ impl PyCamera {
         let (lens, roll) = (lens_model(lens)?, number("roll", roll)?);
         let size = (width, height_px);
         let camera = Camera::from_vanishing_point(model, lens, size, vanishing_point, position, roll)?;
-        Ok(Self { camera: checked(image_size.py(), camera)? })
+        Ok(checked(image_size.py(), camera)?.into())
     }
 
     #[doc = help!("Camera.binned")]
@@ -81,17 +81,17 @@ impl PyCamera {
             Some("first_pixel") => Binning::FirstPixel,
             Some(other) => return Err(ArgumentError::new_err(format!("{expected}, got {other:?}"))),
         };
-        Ok(Self { camera: self.camera.binned(columns, rows, rule)? })
+        self.with_image(self.camera.binned(columns, rows, rule)?, |mask| mask.binned(columns, rows))
     }
 
     #[doc = help!("Camera.rotated180")]
-    fn rotated180(&self) -> Self {
-        Self { camera: self.camera.rotated180() }
+    fn rotated180(&self) -> PyResult<Self> {
+        self.with_image(self.camera.rotated180(), ImageMask::rotated180)
     }
 
     #[doc = help!("Camera.mirrored")]
-    fn mirrored(&self) -> Self {
-        Self { camera: self.camera.mirrored() }
+    fn mirrored(&self) -> PyResult<Self> {
+        self.with_image(self.camera.mirrored(), ImageMask::mirrored)
     }
 
     #[doc = help!("Camera.pixels_from_cells")]

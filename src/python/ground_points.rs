@@ -75,7 +75,7 @@ impl PyLut {
         let (image, ground) = pairs(image_points, ground_points)?;
         let (image, ground) = (image.rows::<2>("image_points")?, ground.rows::<2>("ground_points")?);
         let lut = detached::run(py, || Lut::from_ground_points(image, ground, &grid.grid, source_size))?;
-        Ok(Self { lut })
+        Ok(lut.into())
     }
 }
 

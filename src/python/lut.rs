@@ -1,5 +1,7 @@
 //! `Lut`.
 
+use std::sync::Arc;
+
 use nalgebra::Matrix3;
 use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods};
 use pyo3::exceptions::PyMemoryError;
@@ -20,13 +22,27 @@ use super::options::{self, BorderValue};
 use super::shared;
 use super::warnings::warn;
 use crate::lut::Scene;
-use crate::{Bilinear, Error, ImageView, ImageViewMut, Interpolation, Lut, Sample, WarpOptions};
+use crate::{Bilinear, Error, ImageMask, ImageView, ImageViewMut, Interpolation, Lut, Sample, WarpOptions};
 
 #[doc = help!("Lut")]
 #[pyclass(frozen, eq, module = "ipm_rs", name = "Lut")]
-#[derive(PartialEq)]
 pub(super) struct PyLut {
     pub(super) lut: Lut,
+    /// That of its camera, whose hidden pixels the table's cells do not show.
+    mask: Option<Arc<ImageMask>>,
+}
+
+/// Equal are those whose cells all sample alike, whatever they were built from.
+impl PartialEq for PyLut {
+    fn eq(&self, other: &Self) -> bool {
+        self.lut == other.lut
+    }
+}
+
+impl From<Lut> for PyLut {
+    fn from(lut: Lut) -> Self {
+        Self { lut, mask: None }
+    }
 }
 
 #[pymethods]
@@ -47,12 +63,15 @@ impl PyLut {
         let grid_ref = grid.cast::<PyBevGrid>().map_err(|_| wrong("grid", "BevGrid", grid))?.get();
         let ground = road(ground)?;
         let (lut, findings) = detached::run(camera.py(), || {
-            let lut = Lut::new(&camera_ref.camera, &grid_ref.grid, &ground)?;
+            let mut lut = Lut::new(&camera_ref.camera, &grid_ref.grid, &ground)?;
+            if let Some(mask) = &camera_ref.mask {
+                lut = lut.masked(mask)?;
+            }
             let findings = lut.plausibility();
             Ok::<_, Error>((lut, findings))
         })?;
         warn(camera.py(), &findings)?;
-        Ok(Self { lut })
+        Ok(Self { lut, mask: camera_ref.mask.clone() })
     }
 
     #[doc = help!("Lut.from_maps")]
@@ -84,7 +103,7 @@ impl PyLut {
                 detached::run(py, || Lut::from_maps(xs, ys, columns, source_size))?
             }
         };
-        Ok(Self { lut })
+        Ok(lut.into())
     }
 
     #[doc = help!("Lut.from_homography")]
@@ -107,7 +126,7 @@ impl PyLut {
         let matrix: Matrix3<f64> = matrix3("M", M)?;
         let size = super::convert::size("size", call.needs("size", size)?)?;
         let source_size = super::convert::size("source_size", call.needs("source_size", source_size)?)?;
-        Ok(Self { lut: detached::run(py, || Lut::from_homography(&matrix, size, source_size))? })
+        Ok(detached::run(py, || Lut::from_homography(&matrix, size, source_size))?.into())
     }
 
     #[doc = help!("Lut.warp")]
@@ -162,7 +181,7 @@ impl PyLut {
     #[doc = help!("Lut.camera")]
     #[getter]
     fn camera(&self) -> Option<PyCamera> {
-        self.lut.camera().map(|camera| PyCamera { camera: *camera })
+        self.lut.camera().map(|camera| PyCamera { camera: *camera, mask: self.mask.clone() })
     }
 
     #[doc = help!("Lut.grid")]
@@ -238,9 +257,10 @@ impl PyLut {
         };
         let bytes = bytes.as_bytes();
         let lut = detached::run(data.py(), || Lut::from_bytes(bytes))?;
-        let Some(grid) = grid else { return Ok(Self { lut }) };
+        let Some(grid) = grid else { return Ok(lut.into()) };
+        let mask = camera.as_ref().and_then(|camera| camera.mask.clone());
         let view = camera.map(|camera| Ok::<_, PyErr>((camera.camera, road(ground)?))).transpose()?;
-        Ok(Self { lut: lut.with_scene(Scene::new(grid.grid, view))? })
+        Ok(Self { lut: lut.with_scene(Scene::new(grid.grid, view))?, mask })
     }
 
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {

@@ -43,6 +43,7 @@ mod layout;
 mod lens;
 mod lut;
 mod maps;
+mod mask;
 mod options;
 mod outputs;
 mod points;

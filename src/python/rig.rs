@@ -1,5 +1,7 @@
 //! The table behind `ipm_rs.RigLut`, which Python wraps: `ipm_rs/rig.py` knows names, mappings and missing images.
 
+use std::sync::Arc;
+
 use numpy::{PyArray1, PyArray2, PyArrayDescrMethods, PyArrayMethods};
 use pyo3::prelude::*;
 
@@ -13,6 +15,7 @@ use super::grid::PyBevGrid;
 use super::ground::road;
 use super::image::{ImageArray, Output};
 use super::layout::Layout;
+use super::mask::mask_of;
 use super::options::{self, BorderValue};
 use super::shared;
 use crate::rig::{BlendMode, Mix, RigLut, RigOptions};
@@ -45,11 +48,16 @@ impl PyRigTable {
         let ground = road(ground)?;
         let blend = blend_mode(blend)?;
         let feather = float("feather", feather)?;
-        let (cameras, grid): (Vec<Camera>, _) = (cameras.iter().map(|camera| camera.camera).collect(), grid.grid);
         let mut shown = Vec::with_capacity(masks.len());
         for ((mask, name), camera) in masks.iter().zip(&names).zip(&cameras) {
-            shown.push(mask.as_ref().map(|mask| mask_of(mask, name, camera)).transpose()?);
+            let name = format!("masks[{name:?}]");
+            let given = mask.as_ref().map(|mask| mask_of(&name, mask, &camera.camera)).transpose()?;
+            shown.push(match (given, &camera.mask) {
+                (Some(given), Some(own)) => Some(Arc::new(given.and(own))),
+                (given, own) => given.map(Arc::new).or_else(|| own.clone()),
+            });
         }
+        let (cameras, grid): (Vec<Camera>, _) = (cameras.iter().map(|camera| camera.camera).collect(), grid.grid);
         let mut polygons = Vec::with_capacity(exclude.len());
         for (index, polygon) in exclude.iter().enumerate() {
             let name = format!("exclude[{index}]");
@@ -231,20 +239,6 @@ fn spread(name: &str, gains: Vec<f32>, cameras: usize, channels: usize) -> PyRes
             given / cameras
         ))),
     }
-}
-
-/// (H, W); what is not 0 is true.
-fn mask_of(mask: &Bound<'_, PyAny>, name: &str, camera: &Camera) -> PyResult<Vec<bool>> {
-    let (width, height) = camera.image_size();
-    let what = format!("masks[{name:?}]");
-    let mask = Floats::new(&what, "an array of bool", mask)?;
-    if mask.shape() != [height as usize, width as usize] {
-        return Err(ImageError::new_err(format!(
-            "{what}: expected ({height}, {width}), which is the shape of its images, got {}; True where they show the road",
-            tuple_text(mask.shape())
-        )));
-    }
-    Ok(buffer::collected("masks", mask.values().iter().map(|&value| value != 0.0))?)
 }
 
 fn blend_mode(object: &Bound<'_, PyAny>) -> PyResult<BlendMode> {

@@ -22,7 +22,7 @@ use crate::ground::Ground;
 use crate::lut::Lut;
 use crate::parallel::{self, check_interrupt};
 use crate::raster::{check_polygon, draw_polygon};
-use crate::view::buffer;
+use crate::view::{ImageMask, buffer};
 use gains::Overlap;
 use pieces::{Builder, Pieces};
 use region::Region;
@@ -49,8 +49,8 @@ pub enum BlendMode {
 /// How a [`RigLut`] is built.
 #[derive(Debug, Clone, Default)]
 pub struct RigOptions<'a> {
-    /// For each camera, which of its pixels show the road (row-major), or `None` where all do: own bonnet, image circle.
-    pub masks: Vec<Option<&'a [bool]>>,
+    /// For each camera, which of its pixels show the road, or `None` where all do: own bonnet, image circle.
+    pub masks: Vec<Option<&'a ImageMask>>,
     /// Polygons on the ground, (x, y) in metres, that are not to be shown: the own car.
     pub exclude: Vec<Vec<[f64; 2]>>,
     /// Which camera shows what several see.
@@ -280,18 +280,18 @@ fn order_of_names(cameras: &[(&str, Camera)]) -> Result<Vec<usize>> {
     }
 }
 
-fn check_masks(cameras: &[(&str, Camera)], masks: &[Option<&[bool]>]) -> Result<()> {
+fn check_masks(cameras: &[(&str, Camera)], masks: &[Option<&ImageMask>]) -> Result<()> {
     if !masks.is_empty() && masks.len() != cameras.len() {
         return Err(Error::Rig { expected: "a mask, or none, for each camera", got: format!("{} masks", masks.len()) });
     }
     for ((name, camera), mask) in cameras.iter().zip(masks) {
         let (width, height) = camera.image_size();
         if let Some(mask) = mask
-            && mask.len() != width as usize * height as usize
+            && mask.size() != (width, height)
         {
             return Err(Error::Rig {
                 expected: "masks of the size of their images",
-                got: format!("{} pixels for {name:?} of {width} x {height}", mask.len()),
+                got: format!("{:?} for {name:?} of {width} x {height}", mask.size()),
             });
         }
     }
@@ -315,7 +315,7 @@ fn excluded(polygons: &[Vec<[f64; 2]>], grid: &BevGrid) -> Result<Option<Vec<i32
 
 /// The cells of a table that may be shown: none of the excluded ones, none whose footprint touches a pixel that does not
 /// show the road. `None` where all may.
-fn shown_cells(lut: &Lut, mask: Option<&[bool]>, excluded: Option<&[i32]>) -> Result<Option<Vec<bool>>> {
+fn shown_cells(lut: &Lut, mask: Option<&ImageMask>, excluded: Option<&[i32]>) -> Result<Option<Vec<bool>>> {
     let mut shown = match mask {
         Some(mask) => Some(lut.unmasked(mask)?),
         None => None,

@@ -4,6 +4,7 @@ pub(crate) mod buffer;
 mod half;
 mod image;
 mod limits;
+mod mask;
 mod number;
 mod prefetch;
 mod strided;
@@ -11,6 +12,7 @@ mod strided;
 pub use half::F16;
 pub use image::{ImageView, ImageViewMut};
 pub use limits::MAX_CELLS;
+pub use mask::ImageMask;
 pub use number::{Cast, DepthSample, PointSample, Sample};
 pub use strided::{Strided, reach};
 

@@ -3,30 +3,33 @@
 use super::{Interpolation, WarpOptions};
 use crate::error::{Error, Result};
 use crate::lut::Lut;
-use crate::view::{ImageView, buffer};
+use crate::view::{ImageMask, ImageView, buffer};
 
 impl Lut {
-    /// The table of the cells whose whole footprint shows pixels of `shown`, row-major; the others are outside.
+    /// The table of the cells whose whole footprint shows pixels that the mask shows; the others are outside.
     ///
     /// # Errors
     /// [`Error::SizeMismatch`] for a mask that is not of the size of the images, [`Error::OutOfMemory`] and those of
     /// [`Interpolation::Area`].
-    pub fn masked(&self, shown: &[bool]) -> Result<Self> {
-        self.restricted(&self.unmasked(shown)?)
+    pub fn masked(&self, mask: &ImageMask) -> Result<Self> {
+        self.restricted(&self.unmasked(mask)?)
     }
 
-    /// Which cells have a whole footprint of pixels of `shown`.
+    /// Which cells have a whole footprint of pixels that the mask shows.
     ///
     /// An average over all of a footprint is white only where every pixel that counts is.
-    pub(crate) fn unmasked(&self, shown: &[bool]) -> Result<Vec<bool>> {
-        let (width, height) = self.source_size();
-        let size = (width as usize, height as usize);
-        if shown.len() != size.0 * size.1 {
-            return Err(Error::SizeMismatch { expected: size, got: (shown.len(), 1) });
+    pub(crate) fn unmasked(&self, mask: &ImageMask) -> Result<Vec<bool>> {
+        let [expected, size] =
+            [self.source_size(), mask.size()].map(|(width, height)| (width as usize, height as usize));
+        if size != expected {
+            return Err(Error::SizeMismatch { expected, got: size });
         }
-        let white: Vec<u8> = buffer::collected("mask", shown.iter().map(|&shown| if shown { u8::MAX } else { 0 }))?;
+        let white: Vec<u8> =
+            buffer::collected("mask", mask.shown().iter().map(|&shown| if shown { u8::MAX } else { 0 }))?;
         let image = ImageView::new(&white, size, 1)?;
-        let options = WarpOptions { interpolation: Interpolation::Area, ..WarpOptions::default() };
+        // what lies outside the image is not hidden
+        let border_value = vec![u8::MAX];
+        let options = WarpOptions { interpolation: Interpolation::Area, border_value, ..WarpOptions::default() };
         let view = self.warp(&image, &options)?;
         buffer::collected("mask", view.into_iter().map(|white| white == u8::MAX))
     }

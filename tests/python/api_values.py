@@ -331,6 +331,10 @@ RECIPES: dict[str, Callable[[Values], tuple[Callable[..., Any], Arguments]]] = {
     "Camera.ground_from_pixels": _rows_of_pixels("ground_from_pixels", ground=PARAMETERS["ground"]),
     "Camera.resized": lambda v: (v.rng.choice(CAMERAS).resized, {"width": 32, "height": 24}),
     "Camera.cropped": lambda v: (v.rng.choice(CAMERAS).cropped, {"x": 3, "y": 4, "width": 32, "height": 24}),
+    "Camera.masked": lambda v: (
+        v.rng.choice(CAMERAS).masked,
+        {"mask": textured(HEIGHT, WIDTH, 1)[..., 0] > 99, "hide": [[3, 4], [9, 4], [5, 9]]},
+    ),
     "Lut.from_maps": _with(ipm_rs.Lut.from_maps, lambda v: {**v.maps(), "source_size": (WIDTH, HEIGHT)}),
     "Lut._from_bytes": _with(ipm_rs.Lut._from_bytes, lambda v: {"data": LUTS[0].__reduce__()[1][0]}),
     "BevGrid": _with(ipm_rs.BevGrid, lambda v: {"x": (4, 14), "y": (-4, 4), "resolution": PARAMETERS["resolution"](v)}),

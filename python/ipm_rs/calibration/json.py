@@ -13,8 +13,9 @@
 
 Pixels (pixel (0, 0) is the centre of the first), metres, vehicle axes x forward, y left, z up, camera axes x right, y
 down, z forward, ``p_camera = R p_vehicle + t``. ``lens`` is null for a pinhole, else the model and its arguments, with
-``max_angle`` if a limit was given. Where the road is stays the caller's: pass the same ``ground=`` as before. Floats
-have as many digits as bring the same bits back.
+``max_angle`` if a limit was given. A camera that is `masked` has a key more, ``"mask": [hidden, shown, hidden, ...]``:
+how many pixels in turn, row by row, do not show the road and do. Where the road is stays the caller's: pass the same
+``ground=`` as before. Floats have as many digits as bring the same bits back.
 """
 
 from __future__ import annotations
@@ -22,6 +23,9 @@ from __future__ import annotations
 import json
 import os
 from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from ipm_rs import _core
 from ipm_rs._core import Camera
@@ -84,15 +88,16 @@ def read(source: Source) -> Camera:
         raise CalibrationError(
             f"{place.where('version')}: expected {_VERSION}, got {version}; a newer ipm_rs wrote it, install that"
         )
-    place.only(*KEYS)
+    place.only(*KEYS, "mask")
     size = place.numbers("image_size", 2, unit="pixels")
     with blame(place.origin):
-        return Camera(
+        camera = Camera(
             place.matrix("intrinsics", (3, 3), unit="pixels"),
             image_size=image_size(float(size[0]), float(size[1]), place.where("image_size")),
             camera_from_vehicle=place.pose("camera_from_vehicle"),
             lens=_lens(place),
         )
+    return camera.masked(_mask(place, camera.image_size)) if "mask" in place else camera
 
 
 def missing(document: Document) -> str | None:
@@ -115,6 +120,9 @@ def to_json(camera: Camera) -> str:
         "lens": _lens_content(camera.lens),
         "camera_from_vehicle": camera.camera_from_vehicle.tolist(),
     }
+    mask = camera.mask
+    if mask is not None:
+        content["mask"] = _run_lengths(mask)
     lines = (f"  {json.dumps(key)}: {json.dumps(value, allow_nan=False)}" for key, value in content.items())
     return "{\n" + ",\n".join(lines) + "\n}\n"
 
@@ -132,6 +140,25 @@ def save(camera: Camera, path: str | os.PathLike[str]) -> None:
     text = to_json(camera)
     with atomically(as_path(path)) as file:
         file.write(text.encode())
+
+
+def _run_lengths(mask: NDArray[np.bool_]) -> list[int]:
+    """How many pixels in turn, row by row, are hidden and shown; the first number is of hidden ones, and may be 0."""
+    changes = np.flatnonzero(np.diff(mask.ravel(), prepend=False))
+    return np.diff(changes, prepend=0, append=mask.size).tolist()
+
+
+def _mask(place: Section, size: tuple[int, int]) -> NDArray[np.bool_]:
+    """Read the mask of a file."""
+    width, height = size
+    lengths = place.numbers("mask", unit="numbers of pixels")
+    if not (lengths >= 0).all() or not (lengths == np.floor(lengths)).all() or lengths.sum() != width * height:
+        raise CalibrationError(
+            f"{place.where('mask')}: expected whole numbers that sum to the {width * height} pixels of the image, "
+            f"got {len(lengths)} that sum to {lengths.sum():g}"
+        )
+    shown = np.arange(len(lengths)) % 2 == 1
+    return np.repeat(shown, lengths.astype(np.int64)).reshape(height, width)
 
 
 def _lens_content(lens: Any) -> dict[str, Any] | None:

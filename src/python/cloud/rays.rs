@@ -27,7 +27,7 @@ impl PartialEq for PyPixelRays {
 
 impl Hash for PyPixelRays {
     fn hash<H: Hasher>(&self, state: &mut H) {
-        PyCamera { camera: *self.rays.camera() }.hash(state);
+        PyCamera::from(*self.rays.camera()).hash(state);
     }
 }
 
@@ -48,7 +48,7 @@ impl PyPixelRays {
     #[doc = help!("PixelRays.camera")]
     #[getter]
     fn camera(&self) -> PyCamera {
-        PyCamera { camera: *self.rays.camera() }
+        (*self.rays.camera()).into()
     }
 
     #[doc = help!("PixelRays.nbytes")]
