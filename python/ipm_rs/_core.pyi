@@ -817,6 +817,36 @@ class Camera:
             FileError, MissingFileError: the file cannot be read.
             MissingExtraError: the format needs PyYAML or pyarrow, which are not installed.
         """
+    @staticmethod
+    def load_all(
+        path: str | PathLike[str],
+        image_size: Sequence[int] | None = None,
+        *,
+        lens: Literal["brown_conrady", "fisheye", "omnidir", "pinhole"] | None = None,
+        frame: str | None = None,
+        metres_per_unit: float | None = None,
+        nearest_rotation: bool = False,
+    ) -> dict[str, Camera]:
+        """Every camera of a calibration file or directory, by its name: what `Rig` is made of.
+
+        nuScenes, Argoverse 2, Waymo, KITTI, KITTI-360, CARLA, a Kalibr chain, an OpenCV stereo pair or a section for
+        each camera, COLMAP, what `Rig.save` wrote; or a directory with a calibration file for each camera, whose names
+        are then the cameras'. A file of one camera gives one, by the file's name.
+
+        Args:
+            path: the file or directory.
+            image_size: as for `load`; it and the options go for every camera.
+            lens: as for `load`.
+            frame: as for `load`.
+            metres_per_unit: as for `load`.
+            nearest_rotation: as for `load`.
+
+        Raises:
+            CalibrationError: as `load`, and for a directory in which no file is a calibration.
+            ArgumentError: an option was given that the format does not have.
+            FileError, MissingFileError: a file cannot be read.
+            MissingExtraError: the format needs PyYAML or pyarrow, which are not installed.
+        """
     def to_json(self) -> str:
         """The camera as JSON text, each float to the last bit; `from_json` gives an equal camera."""
     def save(self, path: str | PathLike[str]) -> None:

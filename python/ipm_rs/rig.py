@@ -16,8 +16,6 @@ from ipm_rs.errors import ArgumentError, ArgumentTypeError, CalibrationError
 
 __all__ = ["Rig", "RigLut"]
 
-_FORMAT = "ipm_rs rig"
-_VERSION = 1
 _MOST_POLYGONS = 10_000
 
 Images = Mapping[str, Any] | Sequence[Any]
@@ -132,8 +130,10 @@ class Rig(Mapping[str, Camera]):
         """Return the rig as JSON text, each float to the last bit."""
         import json  # with what it needs, only here
 
+        from ipm_rs.calibration._load import RIG_FORMAT, RIG_VERSION
+
         cameras = {name: json.loads(camera.to_json()) for name, camera in self._cameras.items()}
-        return json.dumps({"format": _FORMAT, "version": _VERSION, "cameras": cameras}, indent=2) + "\n"
+        return json.dumps({"format": RIG_FORMAT, "version": RIG_VERSION, "cameras": cameras}, indent=2) + "\n"
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the rig as a JSON file, whole or not at all; `load` gives an equal rig.
@@ -152,34 +152,24 @@ class Rig(Mapping[str, Camera]):
             file.write(text.encode())
 
     @staticmethod
-    def load(path: str | os.PathLike[str]) -> Rig:
-        """Read a rig that `save` wrote.
+    def load(path: str | os.PathLike[str], **options: Any) -> Rig:
+        """Read a rig: what `save` wrote, or every camera of a calibration file or directory.
+
+        Parameters
+        ----------
+        path : str or path
+            As `Camera.load_all` takes it.
+        **options
+            Those of `Camera.load_all`, for other files than our own.
 
         Raises
         ------
-        MissingFileError, FileError
-            The file cannot be read.
-        CalibrationError
-            It is of another format or of a newer version, or its numbers cannot be right.
+        MissingFileError, FileError, CalibrationError, ArgumentError
+            As `Camera.load_all`.
         """
-        from ipm_rs.calibration._files import open_document
+        from ipm_rs.calibration._load import load_all
 
-        document = open_document(path, "rig", argument="path")
-        content = document.json if document.is_json else None
-        if not isinstance(content, Mapping) or content.get("format") != _FORMAT:
-            raise CalibrationError(
-                f"{document.origin}: expected a file that Rig.save wrote, got another; read each camera, "
-                'Rig({"front": Camera.load(...), ...})'
-            )
-        if content.get("version") != _VERSION:
-            raise CalibrationError(
-                f"{document.origin}: expected version {_VERSION}, got {content.get('version')!r:.20}; "
-                "install a newer ipm_rs"
-            )
-        cameras = content.get("cameras")
-        if not isinstance(cameras, Mapping) or not cameras:
-            raise CalibrationError(f"{document.origin}: expected cameras by their names, got {type(cameras).__name__}")
-        return Rig({str(name): Camera.from_json(camera) for name, camera in cameras.items()})
+        return Rig(load_all(path, **options))
 
     def _check_names(self, what: str, names: Iterable[str]) -> None:
         unknown = [name for name in names if name not in self._cameras]
@@ -203,8 +193,8 @@ class RigLut:
         The road, as for `Lut`.
     masks : mapping of str to (H, W) array, optional
         For some of the cameras, which pixels show the road, True or not 0, beside what their own masks hide
-        (`Camera.masked`). The own bonnet, the rim of a fisheye's circle, mirrors. A cell whose footprint touches any other pixel is
-        not seen by that camera.
+        (`Camera.masked`). The own bonnet, the rim of a fisheye's circle, mirrors. A cell whose footprint touches any
+        other pixel is not seen by that camera.
     exclude : sequence of (M, 2) arrays, optional
         Polygons on the ground, metres, whose cells are not shown: the own car. One polygon may be given as it is.
     blend : {"best", "feather", "priority"}

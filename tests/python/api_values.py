@@ -365,7 +365,11 @@ RECIPES: dict[str, Callable[[Values], tuple[Callable[..., Any], Arguments]]] = {
     ),
 }
 OBJECTS = [*CAMERAS, *GRIDS, *ROADS[2:], *LUTS, *LENSES.values(), ipm_rs.PixelRays(CAMERAS[1]), RIG, *RIG_LUTS]
-SKIPPED = {"Camera.load", "Rig.get"}  # "readers" loads, with samples of every format; a mapping's own method
+SKIPPED = {
+    "Camera.load",
+    "Camera.load_all",
+    "Rig.get",
+}  # "readers" loads, with samples of every format; a mapping's own method
 CLASSES = [item for item in vars(ipm_rs).values() if inspect.isclass(item) and not issubclass(item, (Exception, dict))]
 
 

@@ -13,7 +13,7 @@ import ipm_rs
 from ipm_rs import _core
 from ipm_rs.calibration import FORMATS
 
-ATTACHED = {"Camera.load", *(f"Camera.from_{name}" for name in FORMATS)}
+ATTACHED = {"Camera.load", "Camera.load_all", *(f"Camera.from_{name}" for name in FORMATS)}
 """Written in Python, with docstrings of their own, which go further than the stub's."""
 
 STUB = ast.parse((pathlib.Path(ipm_rs.__file__).parent / "_core.pyi").read_text(encoding="utf-8"))

@@ -83,7 +83,7 @@ def test_a_moved_rig_sees_the_same_from_elsewhere():
 @pytest.mark.parametrize(
     ("content", "words"),
     [
-        ("{}", "Rig.save wrote"),
+        ("{}", "known format"),
         ('{"format": "ipm_rs rig", "version": 9, "cameras": {}}', "expected version 1, got 9"),
         ('{"format": "ipm_rs rig", "version": 1, "cameras": {}}', "expected cameras by their names"),
         ('{"format": "ipm_rs rig", "version": 1, "cameras": {"front": {}}}', "format"),

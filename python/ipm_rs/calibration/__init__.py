@@ -36,9 +36,9 @@ from ipm_rs.errors import ArgumentError
 
 if TYPE_CHECKING:
     from ipm_rs.calibration._files import Document
-    from ipm_rs.calibration._load import load, recognise
+    from ipm_rs.calibration._load import load, load_all, recognise
 
-__all__ = ["FORMATS", "load", "reader", "recognise"]
+__all__ = ["FORMATS", "load", "load_all", "reader", "recognise"]
 
 FORMATS: tuple[str, ...] = (
     "json",
@@ -61,7 +61,11 @@ FORMATS: tuple[str, ...] = (
 
 
 class Reader(Protocol):
-    """What a module of a format provides."""
+    """What a module of a format provides.
+
+    One whose files hold several cameras has a function ``cameras(document)`` too, which names them as the option
+    ``camera=`` of its ``read`` takes them: `load_all` reads each.
+    """
 
     TITLE: str
     KEYS: tuple[str, ...]
@@ -79,13 +83,18 @@ def reader(name: str) -> Reader:
 
 
 def __getattr__(name: str) -> Any:
-    if name in ("load", "recognise"):  # with what they need, only when asked for: half of the package's import time
+    if name in (
+        "load",
+        "load_all",
+        "recognise",
+    ):  # with what they need, only when asked for: half of the package's import time
         return getattr(import_module("ipm_rs.calibration._load"), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 _METHODS = {
     "load": Attached("load", "ipm_rs.calibration._load", "load"),
+    "load_all": Attached("load_all", "ipm_rs.calibration._load", "load_all"),
     **{f"from_{name}": Attached(f"from_{name}", f"ipm_rs.calibration.{name}", "read") for name in FORMATS},
 }
 for _name, _method in _METHODS.items():

@@ -139,7 +139,7 @@ class Files:
         As of `Section`, for all of them.
     """
 
-    def __init__(self, source: Source, title: str, *, nearest: bool = False) -> None:
+    def __init__(self, source: Source | Document, title: str, *, nearest: bool = False) -> None:
         self.title, self.nearest = title, nearest
         self.mapping: Section | None = None
         self.document: Document | None = None

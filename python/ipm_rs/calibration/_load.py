@@ -18,9 +18,16 @@ from ipm_rs.calibration._lines import first_words
 from ipm_rs.calibration._names import spelled
 from ipm_rs.calibration._rosinfo import NOT_ROS
 from ipm_rs.calibration._rosini import looks_like_ini
+from ipm_rs.calibration._sections import choose
 from ipm_rs.errors import ArgumentError, CalibrationError, FileError, MissingExtraError
 
-__all__ = ["load", "recognise"]
+__all__ = ["RIG_FORMAT", "RIG_VERSION", "load", "load_all", "recognise", "rig_content"]
+
+RIG_FORMAT, RIG_VERSION = "ipm_rs rig", 1
+
+_FOLDERS = ("kitti_raw", "kitti_360", "argoverse2", "nuscenes")  # a directory of theirs is one calibration
+_SUFFIXES = (".json", ".yaml", ".yml", ".txt", ".xml", ".npz")
+_MOST_FILES = 100
 
 _WITHOUT = {
     "camera": "holds one camera",
@@ -186,12 +193,21 @@ def load(
     """
     check_word("camera", camera)
     document = open_document(path, "", argument="path")
-    name = _recognise(document)
+    given = {"camera": camera, "lens": lens, "frame": frame, "metres_per_unit": metres_per_unit}
+    rig = rig_content(document)
+    if rig is not None:
+        return reader("json").read(rig[choose(rig, camera, document.origin)])
+    return _load(document, _recognise(document), image_size, {**given, "nearest_rotation": nearest_rotation or None})
+
+
+def _load(
+    document: Document, name: str, image_size: Sequence[int] | None, given: Mapping[str, str | int | float | None]
+) -> Camera:
+    """Read a document of a format with the options that were given."""
     module = reader(name)
     accepted = inspect.signature(module.read).parameters
     options: dict[str, Any] = {}
-    given = {"camera": camera, "lens": lens, "frame": frame, "metres_per_unit": metres_per_unit}
-    for option, value in {**given, "nearest_rotation": nearest_rotation or None}.items():
+    for option, value in given.items():
         if value is None:
             continue
         if option not in accepted:
@@ -205,3 +221,108 @@ def load(
     same_size(image_size, result.image_size, document.origin)
     _log.info("%s: read as %s (%s): %r", document.origin, name, module.TITLE, result)
     return result
+
+
+def load_all(
+    path: str | os.PathLike[str],
+    image_size: Sequence[int] | None = None,
+    *,
+    lens: str | None = None,
+    frame: str | None = None,
+    metres_per_unit: float | None = None,
+    nearest_rotation: bool = False,
+) -> dict[str, Camera]:
+    """Read every camera of a calibration file or directory: what `Rig` is made of.
+
+    Parameters
+    ----------
+    path : str or path
+        A file or a dataset's directory that holds several cameras: nuScenes, Argoverse 2, Waymo, KITTI, KITTI-360,
+        CARLA, a Kalibr chain, an OpenCV stereo pair or a section for each camera, COLMAP, what `Rig.save` wrote. Or a
+        directory with a calibration file for each camera (at most 100), whose names are then the cameras'. A file of
+        one camera gives one, by the file's name.
+    image_size, lens, frame, metres_per_unit, nearest_rotation
+        As for `load`; they go for every camera.
+
+    Returns
+    -------
+    dict of str to Camera
+        In the order of the file; names as `load` takes them by ``camera=``. All stand in one vehicle frame where the
+        format has poses; files of their own are taken to be in one.
+
+    Raises
+    ------
+    CalibrationError
+        As `load`, and a directory in which no file is a calibration.
+    ArgumentError
+        An option was given that the format does not have.
+    FileError, MissingFileError
+        A file cannot be read.
+    """
+    given: dict[str, Any] = {"lens": lens, "frame": frame, "metres_per_unit": metres_per_unit}
+    given["nearest_rotation"] = nearest_rotation or None
+    document = open_document(path, "", argument="path")
+    rig = rig_content(document)
+    if rig is not None:
+        if image_size is not None or any(value is not None for value in given.values()):
+            raise ArgumentError(f"{document.origin}: expected no options for what Rig.save wrote, got some; drop them")
+        return {name: reader("json").read(camera) for name, camera in rig.items()}
+    if document.is_directory and all(reader(name).missing(document) is not None for name in _FOLDERS):
+        return _each_file(document, image_size, given)
+    name = _recognise(document)
+    names: list[str] = getattr(reader(name), "cameras", lambda _: [])(document)
+    if not names:
+        return {document.path.stem or "camera": _load(document, name, image_size, given)}
+    return {camera: _load(document, name, image_size, {**given, "camera": camera}) for camera in names}
+
+
+def _each_file(
+    folder: Document, image_size: Sequence[int] | None, given: Mapping[str, str | int | float | None]
+) -> dict[str, Camera]:
+    """Read the camera of each file of a directory that may be a calibration; texts that are none are passed over."""
+    paths = sorted(path for path in folder.path.iterdir() if path.suffix.lower() in _SUFFIXES and path.is_file())
+    if len(paths) > _MOST_FILES:
+        raise CalibrationError(
+            f"{folder.origin}: expected at most {_MOST_FILES} calibration files, got {len(paths)}; pass the directory "
+            "of one vehicle"
+        )
+    found: dict[str, Camera] = {}
+    for path in paths:
+        document = open_document(path, "", argument="path")
+        try:
+            name = _recognise(document)
+        except CalibrationError:
+            if path.suffix.lower() == ".txt":  # a licence, a list of images
+                continue
+            raise
+        if path.stem in found:
+            raise CalibrationError(f"{folder.origin}: expected one file for {path.stem!r}, got two; keep one")
+        found[path.stem] = _load(document, name, image_size, given)
+    if not found:
+        raise CalibrationError(
+            f"{folder.origin}: expected a dataset's directory, or one with a calibration file for each camera, got "
+            "none; pass the file"
+        )
+    return found
+
+
+def rig_content(document: Document) -> Mapping[str, Any] | None:
+    """Return the cameras of what `Rig.save` wrote; None for anything else.
+
+    Raises
+    ------
+    CalibrationError
+        It is of another version, or holds no cameras.
+    """
+    content = None if document.is_directory or not document.is_json else document.json
+    if not isinstance(content, Mapping) or content.get("format") != RIG_FORMAT:
+        return None
+    if content.get("version") != RIG_VERSION:
+        raise CalibrationError(
+            f"{document.origin}: expected version {RIG_VERSION}, got {content.get('version')!r:.20}; "
+            "install a newer ipm_rs"
+        )
+    cameras = content.get("cameras")
+    if not isinstance(cameras, Mapping) or not cameras:
+        raise CalibrationError(f"{document.origin}: expected cameras by their names, got {type(cameras).__name__}")
+    return {str(name): camera for name, camera in cameras.items()}

@@ -27,7 +27,7 @@ from ipm_rs.calibration._checks import Section, describe, listed, pinhole, quate
 from ipm_rs.calibration._files import Document, Source, open_document
 from ipm_rs.errors import ArgumentError, ArgumentTypeError, CalibrationError, MissingExtraError
 
-__all__ = ["KEYS", "TITLE", "missing", "read"]
+__all__ = ["KEYS", "TITLE", "cameras", "missing", "read"]
 
 TITLE = "Argoverse 2"
 KEYS = ("fx_px", "fy_px", "cx_px", "cy_px", "width_px", "height_px", "sensor_name", "tx_m", "ty_m", "tz_m")
@@ -96,6 +96,12 @@ def missing(document: Document) -> str | None:
     if not document.is_directory and document.path.stem not in (_INTRINSICS, _POSES):
         return "another file's name"
     return None
+
+
+def cameras(document: Document) -> list[str]:
+    """Name the cameras that a document of this format holds, as `camera=` takes them."""
+    path = str(_directory(document) / f"{_INTRINSICS}.feather")
+    return [Section(row, path, f"[{index}]").text("sensor_name") for index, row in enumerate(_feather(path))]
 
 
 def _directory(document: Document) -> Path:

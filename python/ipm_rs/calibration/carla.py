@@ -43,7 +43,7 @@ from ipm_rs.calibration._files import Document, Source, keys_missing, needs_size
 from ipm_rs.calibration.kitti import one_of
 from ipm_rs.errors import ArgumentError, ArgumentTypeError, CalibrationError
 
-__all__ = ["KEYS", "TITLE", "intrinsics", "missing", "read"]
+__all__ = ["KEYS", "TITLE", "cameras", "intrinsics", "missing", "read"]
 
 TITLE = "CARLA"
 KEYS = ("image_size_x", "image_size_y", "fov", "spawn_point", "sensor_tick", "objects")
@@ -138,6 +138,12 @@ def missing(document: Document) -> str | None:
     if keys_missing(document, "objects") is None:
         return None if _cameras(document.json["objects"]) else "no camera sensor in 'objects'"
     return keys_missing(document, "image_size_x", "image_size_y", "fov")
+
+
+def cameras(document: Document) -> list[str]:
+    """Name the cameras that a document of this format holds, as `camera=` takes them."""
+    objects = document.json.get("objects", ())
+    return [str(sensor.get("id")) for _, sensor in _cameras(objects)]
 
 
 def intrinsics(image_size: Sequence[int], fov: float, *, where: str = "fov") -> Matrix:

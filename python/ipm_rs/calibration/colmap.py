@@ -45,7 +45,7 @@ from ipm_rs.errors import ArgumentError, CalibrationError
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-__all__ = ["KEYS", "missing", "read"]
+__all__ = ["KEYS", "cameras", "missing", "read"]
 
 TITLE = "COLMAP"
 KEYS = ("CAMERA_ID", "MODEL", "WIDTH", "HEIGHT", "PARAMS[]")
@@ -77,6 +77,11 @@ def missing(document: Document) -> str | None:
     rows = _rows(document.text[:_HEAD])
     known = (*_MODELS, *_WITHOUT)
     return None if rows and len(rows[0][1]) > 4 and rows[0][1][1] in known else "no line CAMERA_ID MODEL WIDTH HEIGHT"
+
+
+def cameras(document: Document) -> list[str]:
+    """Name the cameras that a document of this format holds, as `camera=` takes them."""
+    return [words[0] for _, words in _rows(document.text) if words]
 
 
 @np.errstate(over="ignore", invalid="ignore")  # what becomes infinite, the camera refuses

@@ -37,7 +37,7 @@ from ipm_rs.errors import ArgumentError, CalibrationError
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-__all__ = ["KEYS", "missing", "read"]
+__all__ = ["KEYS", "cameras", "missing", "read"]
 
 TITLE = "Kalibr camchain"
 KEYS = (
@@ -72,6 +72,11 @@ def missing(document: Document) -> str | None:
         return "no section cam0"
     lacks = [key for key in ("camera_model", "intrinsics") if not any(key in value for value in cameras)]
     return f"no key {', '.join(map(repr, lacks))} in cam0" if lacks else None
+
+
+def cameras(document: Document) -> list[str]:
+    """Name the cameras that a document of this format holds, as `camera=` takes them."""
+    return sorted((key for key in document.tree if isinstance(key, str) and _CAMERA.fullmatch(key)), key=_index)
 
 
 @np.errstate(over="ignore", invalid="ignore")  # what becomes infinite, the camera refuses

@@ -44,7 +44,7 @@ from ipm_rs.calibration._files import Document, Source, needs_size, open_documen
 from ipm_rs.calibration._lines import key_lines, lines_missing
 from ipm_rs.errors import ArgumentError, ArgumentTypeError, CalibrationError
 
-__all__ = ["KEYS", "TITLE", "Frame", "camera_number", "missing", "projection", "read"]
+__all__ = ["KEYS", "TITLE", "Frame", "camera_number", "cameras", "missing", "projection", "read"]
 
 TITLE = "KITTI"
 KEYS = ("P0", "P3", "R0_rect", "Tr_velo_to_cam", "Tr_imu_to_velo", "Tr", "R_rect", "Tr_velo_cam")
@@ -113,6 +113,12 @@ def read(
 def missing(document: Document) -> str | None:
     """Say what a document lacks to be of this format."""
     return lines_missing(document, "P0", "P1", "P2", "P3")
+
+
+def cameras(document: Document) -> list[str]:
+    """Name the cameras that a document of this format holds, as `camera=` takes them."""
+    place = key_lines(document)
+    return [f"P{index}" for index in range(4) if f"P{index}" in place]
 
 
 def projection(place: Section, key: str) -> tuple[Matrix, Matrix]:

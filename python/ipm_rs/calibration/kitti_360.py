@@ -32,7 +32,7 @@ from ipm_rs.calibration._files import Document, Source
 from ipm_rs.calibration._lines import Files, lines_missing, nested_lines
 from ipm_rs.calibration.kitti import camera_number, one_of, projection
 
-__all__ = ["KEYS", "TITLE", "Frame", "missing", "read"]
+__all__ = ["KEYS", "TITLE", "Frame", "cameras", "missing", "read"]
 
 TITLE = "KITTI-360"
 KEYS = (
@@ -121,6 +121,15 @@ def missing(document: Document) -> str | None:
     if lacks is None and lines_missing(document, "P_rect_02") is None:
         lacks = "a line P_rect_02:, so KITTI's raw data"
     return lacks
+
+
+def cameras(document: Document) -> list[str]:
+    """Name the cameras that a document of this format holds, as `camera=` takes them."""
+    files = Files(document, TITLE)
+    perspective = files.section(_PERSPECTIVE)
+    folder = document.path if document.is_directory else document.path.parent
+    fisheyes = [name for name in _FISHEYES if (folder / f"{name}.yaml").is_file()]
+    return [f"image_0{index}" for index in (0, 1) if f"P_rect_0{index}" in perspective] + fisheyes
 
 
 def _fisheye(place: Section) -> tuple[tuple[int, int], Matrix, Mei]:

@@ -42,7 +42,7 @@ from ipm_rs.calibration._files import Document, Source
 from ipm_rs.calibration._lines import Files, lines_missing
 from ipm_rs.calibration.kitti import camera_number, one_of, projection
 
-__all__ = ["KEYS", "TITLE", "Frame", "missing", "read"]
+__all__ = ["KEYS", "TITLE", "Frame", "cameras", "missing", "read"]
 
 TITLE = "KITTI raw"
 KEYS = ("R_rect_00", "P_rect_00", "K_00", "P_rect_02", "S_00", "D_00", "R_00", "T_00", "S_rect_00")
@@ -118,6 +118,12 @@ def missing(document: Document) -> str | None:
     if document.is_directory:
         return None if (document.path / _CAMERAS).is_file() else f"no {_CAMERAS} in it"
     return lines_missing(document, *KEYS[:4])
+
+
+def cameras(document: Document) -> list[str]:
+    """Name the cameras that a document of this format holds, as `camera=` takes them."""
+    place = Files(document, TITLE).section(_CAMERAS)
+    return [f"image_0{index}" for index in range(4) if f"P_rect_0{index}" in place]
 
 
 def _pose(files: Files, frame: Frame, rectification: Matrix) -> Matrix:

@@ -37,7 +37,7 @@ from ipm_rs.calibration._lenswords import refuse_foreign
 from ipm_rs.calibration._sections import choose
 from ipm_rs.errors import ArgumentError, ArgumentTypeError, CalibrationError
 
-__all__ = ["KEYS", "TITLE", "missing", "read"]
+__all__ = ["KEYS", "TITLE", "cameras", "missing", "read"]
 
 TITLE = "nuScenes"
 KEYS = ("translation", "rotation", "camera_intrinsic", "sensor_token", "camera_distortion", "token")
@@ -119,6 +119,18 @@ def missing(document: Document) -> str | None:
     if document.is_json and _by_name(document.json):
         return None
     return keys_missing(document, *_KEYS)
+
+
+def cameras(document: Document) -> list[str]:
+    """Name the cameras that a document of this format holds, as `camera=` takes them."""
+    if document.is_directory:
+        document = Document(str(document.path / _TABLE), TITLE)
+    content = document.json
+    if isinstance(content, Mapping):
+        return list(_by_name(content))
+    names = _names(None, document.path.with_name(_SENSORS))
+    found = [_name(record, names) or _text(record, "token") for record in content if not _no_camera(record)]
+    return list(dict.fromkeys(name for name in found if name))
 
 
 def _lens(place: Section) -> BrownConrady | None:

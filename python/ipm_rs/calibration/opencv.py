@@ -62,7 +62,7 @@ from ipm_rs.errors import ArgumentError, CalibrationError
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-__all__ = ["KEYS", "missing", "read"]
+__all__ = ["KEYS", "cameras", "missing", "read"]
 
 TITLE = "OpenCV"
 KEYS = (*names.K, *names.D, *names.SIZE, *names.WIDTH, *names.HEIGHT, "rvec", "tvec")
@@ -190,6 +190,17 @@ def read(
         with blame(values.origin):
             model = lens_of(values, side, lens)
     return build(values.origin, K, image_size=size, camera_from_vehicle=pose, lens=model)
+
+
+def cameras(document: Document) -> list[str]:
+    """Name the cameras that a document of this format holds, as `camera=` takes them."""
+    origin, content = _content(document, "source")
+    found = _sections.sections(content)
+    if found:
+        return list(found)
+    values = Named(origin)
+    values.add(content, origin)
+    return values.sides
 
 
 def _chosen(source: Source, extrinsics: Source | None, camera: Any) -> tuple[Named, str | None, bool]:

@@ -30,7 +30,7 @@ from ipm_rs.calibration._files import Document, open_document
 from ipm_rs.calibration._lenswords import refuse_foreign
 from ipm_rs.errors import ArgumentError, ArgumentTypeError, CalibrationError
 
-__all__ = ["KEYS", "TITLE", "missing", "read"]
+__all__ = ["KEYS", "TITLE", "cameras", "missing", "read"]
 
 TITLE = "Waymo"
 KEYS = ("intrinsic", "extrinsic", "width", "height", "cameraCalibrations", "camera_calibrations", "transform")
@@ -121,6 +121,16 @@ def missing(document: Document) -> str | None:
         if len(values) == 9 and values[1] == values[3] == values[6] == values[7] == 0:
             return "a 3x3 matrix under 'intrinsic'"
     return f"no key {', '.join(lacks)}" if lacks else None
+
+
+def cameras(document: Document) -> list[str]:
+    """Name the cameras that a document of this format holds, as `camera=` takes them."""
+    content, path = document.json, ""
+    if isinstance(content, Mapping):
+        path = next((key for key in _LISTS if key in content), "")
+        content = content[path] if path else []
+    places = [Section(value, document.origin, f"{path}[{index}]") for index, value in enumerate(content)]
+    return [name for place in places if (name := _name(place))]
 
 
 def _choose(source: Any, camera: Any) -> Section:
