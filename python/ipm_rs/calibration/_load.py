@@ -241,8 +241,16 @@ def load_all(
         CARLA, a Kalibr chain, an OpenCV stereo pair or a section for each camera, COLMAP, what `Rig.save` wrote. Or a
         directory with a calibration file for each camera (at most 100), whose names are then the cameras'. A file of
         one camera gives one, by the file's name.
-    image_size, lens, frame, metres_per_unit, nearest_rotation
-        As for `load`; they go for every camera.
+    image_size : (int, int), optional
+        As for `load`; it and the options go for every camera.
+    lens : str, optional
+        As for `load`.
+    frame : str, optional
+        As for `load`.
+    metres_per_unit : float, optional
+        As for `load`.
+    nearest_rotation : bool
+        As for `load`.
 
     Returns
     -------
