@@ -33,7 +33,7 @@ def _compare(view) -> Image.Image:
     panels = (
         ("bilinear", view.lut.warp(image)),
         ("area", view.lut.warp(image, interpolation="area")),
-        ("the road itself", np.clip(np.rint(view.truth), 0, 255).astype(np.uint8)),
+        ("the road itself", np.clip(np.rint(view.truth(view.grid.xy())), 0, 255).astype(np.uint8)),
     )
     xy = view.grid.xy()
     rows = np.flatnonzero((xy[:, 0, 0] > 9.5) & (xy[:, 0, 0] < 15.5))

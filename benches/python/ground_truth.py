@@ -50,7 +50,7 @@ class Road:
     def __call__(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
         """Return the grey level, 0 to 255, at points of one shape."""
         x, y = self.cos * x + self.sin * y, -self.sin * x + self.cos * y
-        value = 90 + self.grain[np.floor(x * 40).astype(int) % 1024, np.floor(y * 40).astype(int) % 1024]
+        value = 90 + self.grain[np.floor(x * 40).astype(np.int32) & 1023, np.floor(y * 40).astype(np.int32) & 1023]
         if self.pattern in ("all", "lanes"):
             value = np.where((abs(abs(y) - 1.75) < 0.075) & (x % 3 < 2), 230, value)
         if self.pattern in ("all", "chequer"):
@@ -161,17 +161,28 @@ class View:
         return ipm_rs.Lut(self.trial.camera, grid, ground=self.trial.case.ground)
 
     @cached_property
-    def truth(self) -> np.ndarray:
-        """The road averaged over each cell, by points of at most 6.25 mm apart.
+    def well_inside(self) -> np.ndarray:
+        """Which cells see the image well inside its edge."""
+        width, height = self.trial.case.image_size
+        u, v = self.lut.maps()
+        return (u > 20) & (u < width - 21) & (v > 20) & (v < height - 21)
+
+    @cached_property
+    def truth_inside(self) -> np.ndarray:
+        """The truth of the cells `well_inside`, one after the other."""
+        return self.truth(self.grid.xy()[self.well_inside])
+
+    def truth(self, xy: np.ndarray) -> np.ndarray:
+        """Return the road averaged over the cells around `xy`, by points of at most 6.25 mm apart.
 
         By 8 x 8 points a cell, where the view by 8 x 8 samples looks too, both had the same errors: beside a fisheye,
         in cells of 20 cm, that view seemed to be worse by 3 dB than it is, and so did what averages all.
         """
         count = max(8, round(max(self.cell) / 0.00625))
-        xy, total = self.grid.xy(), 0.0
+        total = np.zeros(xy.shape[:-1])
         for a in (np.arange(count) + 0.5) / count - 0.5:
             for b in (np.arange(count) + 0.5) / count - 0.5:
-                total = total + self.trial.road(xy[..., 0] + a * self.cell[0], xy[..., 1] + b * self.cell[1])
+                total += self.trial.road(xy[..., 0] + a * self.cell[0], xy[..., 1] + b * self.cell[1])
         return total / count**2
 
     def mean_of_blocks(self, fine: np.ndarray, count: int) -> np.ndarray:
@@ -181,17 +192,14 @@ class View:
 
     def psnr(self, view: np.ndarray) -> tuple[float, float, float]:
         """Return PSNR near, far and overall in dB; NaN where there are no such cells."""
-        width, height = self.trial.case.image_size
-        u, v = self.lut.maps()
-        well_inside = (u > 20) & (u < width - 21) & (v > 20) & (v < height - 21)
-        square = (view.astype(np.float64) - self.truth) ** 2
-        xy = self.grid.xy()
-        near = np.hypot(xy[..., 0], xy[..., 1]) < (NEAR if self.trial.case.lens == "pinhole" else 5.0)
+        square = (view[self.well_inside].astype(np.float64) - self.truth_inside) ** 2
+        near_enough = NEAR if self.trial.case.lens == "pinhole" else 5.0
+        near = np.hypot(*self.grid.xy()[self.well_inside].T) < near_enough
 
         def psnr(cells: np.ndarray) -> float:
             return 10 * np.log10(255**2 / square[cells].mean()) if cells.sum() > 100 else np.nan
 
-        return psnr(well_inside & near), psnr(well_inside & ~near), psnr(well_inside)
+        return psnr(near), psnr(~near), psnr(np.ones_like(near))
 
 
 def own_views() -> dict[str, Callable[[View], np.ndarray]]:
