@@ -1,13 +1,20 @@
-"""Where there is no memory: a MemoryError, never the end of the process. Each call in a process of its own."""
+"""Where there is no memory: a MemoryError, never the end of the process.
+
+Each call is in a process of its own, forked from one that has made the arguments, which takes half a second.
+"""
 
 from __future__ import annotations
 
 import subprocess
 import sys
+from collections.abc import Callable, Iterator
 
 import pytest
 
-pytestmark = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="limits of memory as Linux has them")
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(not sys.platform.startswith("linux"), reason="limits of memory as Linux has them"),
+]
 
 SETUP = """if True:
     import pickle, resource, sys, numpy as np, ipm_rs
@@ -105,16 +112,55 @@ CALLS = {
 #: Bytes above what is in use: next to nothing, and enough for the outputs of some and the scratch of others.
 ROOMS = [1 << 20, 8 << 20, 24 << 20]
 
+#: Forks for each name that it reads, and prints how the child ended and what it said. The child makes its pool of
+#: threads before memory is short.
+SERVE = """
+    import os
+    for name in sys.stdin:
+        reader, writer = os.pipe()
+        child = os.fork()
+        if not child:
+            lut.warp(image, out=out)
+            os.write(writer, short(lambda: eval(CALLS[name.strip()])).encode())
+            os._exit(0)
+        os.close(writer)
+        status, said = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), os.read(reader, 100).decode()
+        os.close(reader)
+        print(status, said, flush=True)
+"""
+
+
+@pytest.fixture(scope="module")
+def servers() -> Iterator[dict[str, Callable[[str], str]]]:
+    """Processes by threads and room, each a function from a call's name to how its child ended."""
+    processes = {}
+    try:
+        for threads, room in [(1, ROOMS[0]), (4, ROOMS[1]), (4, ROOMS[2])]:
+            setup = SETUP.replace("THREADS", str(threads)).replace("ROOM", str(room))
+            command = [sys.executable, "-c", f"{setup}\n    CALLS = {CALLS}\n{SERVE}"]
+            processes[f"{threads} threads, {room} bytes"] = subprocess.Popen(
+                command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+            )
+        yield {name: lambda call, process=process: ask(process, call) for name, process in processes.items()}
+    finally:
+        for process in processes.values():
+            process.communicate(timeout=60)
+
+
+FINE = {f"0 {said}" for said in ("done", "MemoryError", "OutOfMemoryError", "_ArrayMemoryError")}
+
+
+def ask(process: subprocess.Popen, call: str) -> str:
+    process.stdin.write(f"{call}\n")
+    process.stdin.flush()
+    return process.stdout.readline().strip()
+
 
 @pytest.mark.parametrize("call", CALLS)
-def test_a_memory_error_or_the_result(call):
-    for threads, room in [(1, ROOMS[0]), (4, ROOMS[1]), (4, ROOMS[2])]:
-        setup = SETUP.replace("THREADS", str(threads)).replace("ROOM", str(room))
-        code = f"{setup}\n    print(short(lambda: {CALLS[call]}))\n"
-        done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120, check=False)
-        said = done.stdout.strip()
-        assert done.returncode == 0, f"{threads} threads, {room} bytes: {done.returncode}\n{done.stderr}"
-        assert said in ("done", "MemoryError", "OutOfMemoryError", "_ArrayMemoryError"), said
+def test_a_memory_error_or_the_result(servers, call):
+    for server, answer in servers.items():
+        said = answer(call)
+        assert said in FINE, f"{server}: {said}"
 
 
 def test_what_needs_more_than_there_is_says_so():
