@@ -81,16 +81,27 @@ demo: $(INSTALLED) ## Build, then render a synthetic road and its bird's-eye vie
 
 # ---------------------------------------------------------------- checks
 
-.PHONY: test lint typecheck test-rust verify-simd test-python fuzz-api examples snippets bench-smoke
+# How many of pytest's workers run at once; 0 runs all in one process, which a debugger needs.
+WORKERS ?= 2
+
+.PHONY: check test test-source test-wheel lint typecheck test-rust verify-simd test-python fuzz-api examples snippets bench-smoke
+check: lint ## Formatting, lints, unit tests and the fast part of pytest: while working
+	$(CARGO) test $(LOCKED) --quiet --lib
+	$(MAKE) --no-print-directory test-python ARGS='-q -m "not slow"'
+
 # pytest comes last: its summary is the closing line.
-test: lint typecheck test-rust verify-simd docs examples snippets bench-smoke test-python ## Everything that must pass before a commit
+test: test-source test-wheel test-python ## Everything that must pass before a commit
+
+# Two halves that need nothing of each other: .ci/run has them run at once.
+test-source: lint test-rust docs # target/debug
+test-wheel: verify-simd typecheck examples snippets bench-smoke # target/release and .venv
 
 lint: $(DEV) ## Formatting and lints of Rust and Python
-	$(CARGO) fmt --check
-	$(CARGO) clippy $(LOCKED) --all-targets -- -D warnings
-	$(CARGO) clippy $(LOCKED) --all-targets --features python -- -D warnings
 	$(VENV)/bin/ruff check .
 	$(VENV)/bin/ruff format --check .
+	$(CARGO) fmt --check
+	$(CARGO) clippy $(LOCKED) --all-targets -- -D warnings
+	$(CARGO) clippy $(LOCKED) --lib --features python -- -D warnings # tests and benches know nothing of it
 
 typecheck: $(DEV) $(INSTALLED) ## mypy over the Python sources, and the stubs against the installed module
 	MYPYPATH=python $(PY) -m mypy -p ipm_rs
@@ -106,7 +117,7 @@ verify-simd: $(WHEEL) ## Disassemble the wheel: every kernel has its instruction
 
 test-python: $(DEV) $(INSTALLED) ## pytest against the installed wheel
 	$(PY) -W error scripts/smoke.py
-	$(VENV)/bin/pytest $(ARGS)
+	$(VENV)/bin/pytest -n $(WORKERS) --dist worksteal $(ARGS)
 
 fuzz-api: $(DEV) $(INSTALLED) ## Call every public name with spoiled arguments: make fuzz-api SEED=1 CALLS=100000
 	$(PY) tests/python/api_fuzz.py --seed $(or $(SEED),0) --calls $(or $(CALLS),100000)
@@ -131,12 +142,13 @@ test-no-avx: ## Run the Rust tests under qemu on a CPU without AVX and on two wi
 test-pythons: $(WHEEL) ## Install the wheel with NumPy alone into every Python 3.10+ found here, and try it
 	$(PY) scripts/test_pythons.py dist/ipm_rs-*.whl
 
+# Unoptimised: it is to show that the sources are complete, and takes a fifth of the time.
 sdist: $(BUILD) ## Build the source distribution, and a wheel from it as pip would
 	rm -rf target/sdist
 	$(PY) -m maturin sdist --out target/sdist
 	@if tar tzf target/sdist/ipm_rs-*.tar.gz | grep -E '/(\.venv|target|dist|site)/'; then \
 	    echo "the source distribution holds files that make made (above): see 'include' in Cargo.toml" >&2; exit 1; fi
-	CARGO_TARGET_DIR=$(CURDIR)/target $(PIP) wheel --quiet --no-deps --wheel-dir target/sdist target/sdist/ipm_rs-*.tar.gz
+	CARGO_TARGET_DIR=$(CURDIR)/target CARGO_PROFILE_DEV_DEBUG=none MATURIN_PEP517_ARGS="--profile dev" $(PIP) wheel --quiet --no-deps --wheel-dir target/sdist target/sdist/ipm_rs-*.tar.gz
 	@ls -l target/sdist
 
 # ---------------------------------------------------------------- benchmarks, documentation

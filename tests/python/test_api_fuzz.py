@@ -32,6 +32,7 @@ def test_every_name_has_right_calls(tmp_path, monkeypatch):
             pytest.fail(f"{name}: {errors[-1]!r}")
 
 
+@pytest.mark.slow
 def test_a_while_of_spoiled_calls():
     made, problems = api_fuzz.run(20_26, 1_000_000, seconds=SECONDS)
     assert not problems, "\n".join(f"--seed {p['seed']} --call {p['call']}: {p['problem']}" for p in problems)
@@ -46,6 +47,7 @@ def test_the_fuzzer_sees_what_is_wrong():
     assert api_fuzz.complaint("f", errors.GridError("yes")) is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("fault", "told"),
     [("ctypes.string_at(0)", "SIGSEGV"), ("os._exit(7)", "exit status 7"), ('"it is wrong"', "it is wrong")],

@@ -38,6 +38,7 @@ def lut():
 # The eight by eight samples that it is measured against take 64 times as long as bilinear; so images are of half the
 # size, and rendered by 3 x 3 samples a pixel. These alias themselves, which counts where area is nearest to the bound,
 # 0.47 dB short: there it is 6 x 6.
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("case", "cell", "samples"),
     [

@@ -221,6 +221,7 @@ def test_cut_short(sample, share, tmp_path):
         harmless(sample, {**sample.files, name: data[: int(share * len(data))]}, tmp_path)
 
 
+@pytest.mark.slow
 @each_sample
 @odd_cameras
 @fuzzed
@@ -235,6 +236,7 @@ def test_any_bytes_changed(sample, data, tmp_path):
     harmless(sample, {**sample.files, name: bytes(content)}, tmp_path)
 
 
+@pytest.mark.slow
 @each_sample
 @odd_cameras
 @fuzzed
@@ -284,6 +286,7 @@ def changed(content, path, value, action):
     return content
 
 
+@pytest.mark.slow
 @each_sample
 @odd_cameras
 @fuzzed
@@ -307,6 +310,7 @@ objects = st.one_of(
 )  # fmt: skip
 
 
+@pytest.mark.slow
 @each_sample
 @odd_cameras
 @fuzzed

@@ -86,6 +86,7 @@ def test_truth_is_the_mean_over_each_cell() -> None:
         np.testing.assert_allclose(truth[row, col], fine.mean(axis=(0, 1)), atol=1e-2)
 
 
+@pytest.mark.slow
 def test_render_puts_road_points_where_the_camera_sees_them(seed_camera: ipm_rs.Camera) -> None:
     """The renderer's own arithmetic against ``project``: the middles of large plain patches."""
     image = scene.render(seed_camera)

@@ -48,7 +48,7 @@ def compiled_names() -> list[str]:
             continue
         names.append(name)
         if isinstance(value, type):
-            names += [f"{name}.{member}" for member in vars(value) if not member.startswith("_")]
+            names += [f"{name}.{member}" for member in sorted(vars(value)) if not member.startswith("_")]
     return names
 
 

@@ -15,6 +15,8 @@ import pytest
 
 import ipm_rs
 
+pytestmark = pytest.mark.slow
+
 linux = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="signals and /proc as Linux has them")
 
 #: What every snippet below finds.

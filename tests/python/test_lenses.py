@@ -160,6 +160,7 @@ def test_is_the_reference_over_the_whole_domain(lens):
     assert np.array_equal(valid[clear], same_valid[clear])
 
 
+@pytest.mark.slow
 @each_lens
 def test_the_domain_ends_where_the_reference_folds(lens):
     if isinstance(lens, ipm_rs.Ocam | ipm_rs.DoubleSphere | ipm_rs.Eucm):

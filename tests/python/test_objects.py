@@ -77,7 +77,7 @@ def test_different_in_any_part(name):
 
 
 @EACH
-@pytest.mark.parametrize("other", [None, 3, "x", object(), (1, 2), golden.K[0, 0]], ids=repr)
+@pytest.mark.parametrize("other", [None, 3, "x", object(), (1, 2), golden.K[0, 0]])
 def test_never_equal_to_something_else(make, other):
     one = make()
     assert one != other and not one == other

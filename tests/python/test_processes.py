@@ -13,6 +13,8 @@ from helpers import textured
 
 import ipm_rs
 
+pytestmark = pytest.mark.slow
+
 TIMEOUT = 60
 
 

@@ -220,6 +220,7 @@ def test_far_huge_and_infinite():
     assert (layers.inside, layers.outside, layers.ignored) == (0, 2, 3)
 
 
+@pytest.mark.slow
 def test_a_hundred_million_points_of_one_place():
     """A broadcast array of 1.2 GB that is 12 bytes: read, not copied."""
     resource = pytest.importorskip("resource")

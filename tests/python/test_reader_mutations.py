@@ -6,6 +6,8 @@ import pytest
 from calibration_mutations import mutate, real
 from calibration_samples import SAMPLES
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.mark.filterwarnings("ignore::ipm_rs.CalibrationWarning")  # any numbers make odd cameras
 def test_mutated_samples(tmp_path):

@@ -17,6 +17,7 @@ EXTREMES = [b"1e308", b"-1e308", b"1.7e+154", b"1e-200", b"5e-324", b"-0.0", b"0
 TEXTS = {name: sample for name, sample in SAMPLES.items() if all(b"\0" not in data for data in sample.files.values())}
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::ipm_rs.CalibrationWarning")  # any numbers make odd cameras
 @pytest.mark.parametrize("sample", TEXTS.values(), ids=TEXTS.keys())
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture])

@@ -107,6 +107,7 @@ def test_other_files_are_named(data, said, tmp_path):
 KEYS = ",".join(f'"k{i}":0' for i in range(500))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "text"),
     [

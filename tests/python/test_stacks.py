@@ -8,7 +8,10 @@ import sys
 import pytest
 from test_interrupts import SETUP
 
-pytestmark = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="stacks of 32 KiB as Linux has them")
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(not sys.platform.startswith("linux"), reason="stacks of 32 KiB as Linux has them"),
+]
 
 CALLS = {
     "Lut": "ipm_rs.Lut(camera, small)",

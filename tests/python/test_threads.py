@@ -20,6 +20,8 @@ from helpers import refuses, same, textured
 
 import ipm_rs
 
+pytestmark = pytest.mark.slow
+
 TIMEOUT = 60
 linux = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="fork and affinity as Linux has them")
 forks = pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")

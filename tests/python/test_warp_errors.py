@@ -148,7 +148,7 @@ def test_unaligned_image(lut, offset, dtype):
             lut.warp(image)
 
 
-@pytest.mark.parametrize("image", [None, 3, "image.png", [[1, 2], [3, 4]], b"abc", bytearray(32), object()], ids=repr)
+@pytest.mark.parametrize("image", [None, 3, "image.png", [[1, 2], [3, 4]], b"abc", bytearray(32), object()])
 def test_image_that_is_no_array(lut, out, image):
     with refuses(errors.ArgumentTypeError, "image", "array", type(image).__name__, out=out):
         lut.warp(image, out=out)
@@ -230,7 +230,7 @@ def test_border_value_of_the_wrong_count_for_a_grey_image(lut):
         lut.warp(IMAGE[:, :, 0].copy(), border_value=(1, 2, 3))
 
 
-@pytest.mark.parametrize("value", ["0", b"0", 1j, {}, object(), [[1, 2, 3]], ["a", "b", "c"], (1, None, 3)], ids=repr)
+@pytest.mark.parametrize("value", ["0", b"0", 1j, {}, object(), [[1, 2, 3]], ["a", "b", "c"], (1, None, 3)])
 def test_border_value_that_is_no_number(lut, out, value):
     with pytest.raises((errors.ArgumentError, errors.ArgumentTypeError), match="border_value"):
         lut.warp(IMAGE, border_value=value, out=out)
