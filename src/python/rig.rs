@@ -1,4 +1,4 @@
-//! The table behind `ipm_rs.RigLut`, which Python wraps: `ipm_rs/rig.py` knows names, mappings and missing images.
+//! The table behind `ipm_rs.RigLut`, which Python wraps: `ipm_rs/rig` knows names, mappings and missing images.
 
 use std::sync::Arc;
 

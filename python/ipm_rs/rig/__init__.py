@@ -1,0 +1,6 @@
+"""Rings of cameras: `Rig`, the cameras by their names, and `RigLut`, one bird's-eye view of all of them."""
+
+from ipm_rs.rig._cameras import Rig
+from ipm_rs.rig._table import RigLut
+
+__all__ = ["Rig", "RigLut"]
