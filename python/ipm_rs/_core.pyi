@@ -783,6 +783,142 @@ class Camera:
             FileError, MissingFileError: the file cannot be read.
         """
     @staticmethod
+    def from_camodocal(
+        source: str | PathLike[str] | Mapping[str, Any],
+        *,
+        camera: str | int | None = None,
+        image_size: Sequence[int] | None = None,
+        vehicle_from_imu: ArrayLike | None = None,
+        nearest_rotation: bool = False,
+    ) -> Camera:
+        """A camera of camodocal, or of the settings of VINS that name it; see `ipm_rs.calibration.camodocal.read`.
+
+        Args:
+            source: a camera's file, or VINS settings; needs the extra `yaml`.
+            camera: which of the settings': 0, 1, "cam0", "cam1".
+            image_size: (width, height); must agree with the file.
+            vehicle_from_imu: (4, 4) pose of the IMU in the vehicle frame; without it the first camera looks along +x.
+            nearest_rotation: take the nearest rotation for one that is off by up to 3e-2, as three printed digits leave it.
+
+        Raises:
+            CalibrationError: a key is missing, a value cannot be right, or the model is none of the four.
+            ArgumentError, ArgumentTypeError: an argument is wrong.
+            FileError, MissingFileError: the file cannot be read.
+        """
+    @staticmethod
+    def from_euroc(
+        source: str | PathLike[str] | Mapping[str, Any],
+        *,
+        image_size: Sequence[int] | None = None,
+        vehicle_from_body: ArrayLike | None = None,
+        nearest_rotation: bool = False,
+    ) -> Camera:
+        """A camera of EuRoC's `sensor.yaml`; see `ipm_rs.calibration.euroc.read`.
+
+        Args:
+            source: the file, or its content; needs the extra `yaml`.
+            image_size: (width, height); must agree with the file.
+            vehicle_from_body: (4, 4) pose of the body (the IMU) in the vehicle frame; without it the first camera looks along +x.
+            nearest_rotation: take the nearest rotation for one that is off by up to 3e-2, as three printed digits leave it.
+
+        Raises:
+            CalibrationError: a key is missing, a value cannot be right, or the lens has no model here.
+            ArgumentError, ArgumentTypeError: an argument is wrong.
+            FileError, MissingFileError: the file cannot be read.
+        """
+    @staticmethod
+    def from_ncamera(
+        source: str | PathLike[str] | Mapping[str, Any],
+        *,
+        camera: str | int | None = None,
+        image_size: Sequence[int] | None = None,
+        vehicle_from_body: ArrayLike | None = None,
+        nearest_rotation: bool = False,
+    ) -> Camera:
+        """One camera of an aslam `ncamera.yaml` (maplab, SVO Pro); see `ipm_rs.calibration.ncamera.read`.
+
+        Args:
+            source: the file, or its content; needs the extra `yaml`.
+            camera: its label, or its number from 0; needed if there is more than one.
+            image_size: (width, height); must agree with the file.
+            vehicle_from_body: (4, 4) pose of the body (the IMU) in the vehicle frame; without it the first camera looks along +x.
+            nearest_rotation: take the nearest rotation for one that is off by up to 3e-2, as three printed digits leave it.
+
+        Raises:
+            CalibrationError: a key is missing, a value cannot be right, or the lens has no model here.
+            ArgumentError, ArgumentTypeError: an argument is wrong.
+            FileError, MissingFileError: the file cannot be read.
+        """
+    @staticmethod
+    def from_okvis(
+        source: str | PathLike[str] | Mapping[str, Any],
+        *,
+        camera: str | int | None = None,
+        image_size: Sequence[int] | None = None,
+        vehicle_from_imu: ArrayLike | None = None,
+        nearest_rotation: bool = False,
+    ) -> Camera:
+        """One camera of okvis's configuration; see `ipm_rs.calibration.okvis.read`.
+
+        Args:
+            source: the file, or its content; needs the extra `yaml`.
+            camera: its number from 0; needed if there is more than one.
+            image_size: (width, height); must agree with the file.
+            vehicle_from_imu: (4, 4) pose of the IMU in the vehicle frame; without it the first camera looks along +x.
+            nearest_rotation: take the nearest rotation for one that is off by up to 3e-2, as three printed digits leave it.
+
+        Raises:
+            CalibrationError: a key is missing, a value cannot be right, or the lens has no model here.
+            ArgumentError, ArgumentTypeError: an argument is wrong.
+            FileError, MissingFileError: the file cannot be read.
+        """
+    @staticmethod
+    def from_basalt(
+        source: str | PathLike[str] | Mapping[str, Any],
+        *,
+        camera: str | int | None = None,
+        image_size: Sequence[int] | None = None,
+        vehicle_from_imu: ArrayLike | None = None,
+        nearest_rotation: bool = False,
+    ) -> Camera:
+        """One camera of basalt's `calibration.json`; see `ipm_rs.calibration.basalt.read`.
+
+        Args:
+            source: the file, or its content.
+            camera: its number from 0; needed if there is more than one.
+            image_size: (width, height); must agree with the file.
+            vehicle_from_imu: (4, 4) pose of the IMU in the vehicle frame; without it the first camera looks along +x.
+            nearest_rotation: take the nearest rotation for one that is off by up to 3e-2, as three printed digits leave it.
+
+        Raises:
+            CalibrationError: a key is missing, a value cannot be right, or the lens has no model here.
+            ArgumentError, ArgumentTypeError: an argument is wrong.
+            FileError, MissingFileError: the file cannot be read.
+        """
+    @staticmethod
+    def from_orbslam(
+        source: str | PathLike[str] | Mapping[str, Any],
+        *,
+        camera: str | int | None = None,
+        image_size: Sequence[int] | None = None,
+        vehicle_from_imu: ArrayLike | None = None,
+        nearest_rotation: bool = False,
+    ) -> Camera:
+        """A camera of the settings of ORB-SLAM2 or ORB-SLAM3; see `ipm_rs.calibration.orbslam.read`.
+
+        Args:
+            source: the settings, or their content; need the extra `yaml`.
+            camera: 1 or 2; needed if both are there.
+            image_size: (width, height); needed if the file lacks it, and must agree if it has it.
+            vehicle_from_imu: (4, 4) pose of the IMU in the vehicle frame; without it the first camera looks along +x.
+            nearest_rotation: take the nearest rotation for one that is off by up to 3e-2, as three printed digits leave it.
+
+        Raises:
+            CalibrationError: a key is missing, a value cannot be right, or the lens has no model here.
+            ArgumentError, ArgumentTypeError: an argument is wrong.
+            FileError, MissingFileError: the file cannot be read.
+        """
+    @staticmethod
     def load(
         path: str | PathLike[str],
         image_size: Sequence[int] | None = None,

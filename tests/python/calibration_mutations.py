@@ -25,6 +25,7 @@ from ipm_rs import errors
 
 ODD = getattr(ipm_rs, "CalibrationWarning", None)
 SHARED = Path(__file__).parents[3] / "shared" / "data"
+LINES = ("camodocal", "orbslam")  # YAML whose last line may be a number
 NUMBER = re.compile(rb"[-+]?[0-9]+(?:\.[0-9]*)?(?:[eE][-+]?[0-9]+)?")
 WORD = re.compile(rb"[A-Za-z_][A-Za-z_0-9]{1,}")
 NUMBERS = (
@@ -149,8 +150,8 @@ def unseen(sample: Sample, file: str, end: int) -> bool:
     """
     if sample.format == "opencv":
         return sample.files[file][end:].lstrip().startswith(b"rvec")
-    plain = sample.format in ("kitti", "kitti_raw", "kitti_360", "colmap")
-    return plain and re.fullmatch(rb"[0-9.][0-9.]", sample.files[file][end - 1 : end + 1]) is not None
+    plain = sample.format in ("kitti", "kitti_raw", "kitti_360", "colmap", *LINES)
+    return plain and re.fullmatch(rb"[0-9.][0-9.eE]|[0-9.]-", sample.files[file][end - 1 : end + 1]) is not None
 
 
 def mutate(samples: dict[str, Sample], count: int, seed: int, directory: Path) -> Iterator[tuple[str, str, bytes]]:

@@ -7,8 +7,9 @@ from __future__ import annotations
 
 from calibration_datasets import DATASETS
 from calibration_sample import Sample, as_json
+from calibration_tools import TOOLS
 
-SAMPLES: dict[str, Sample] = {**DATASETS}
+SAMPLES: dict[str, Sample] = {**DATASETS, **TOOLS}
 
 # ---------------------------------------------------------------------------------------------------------------------
 # Calibration tools

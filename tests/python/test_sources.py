@@ -145,7 +145,7 @@ def test_contributing_names_what_exists():
 
 
 RECIPES = {
-    "A lens": (r"(?i)\b(py)?eucm\b", {"kalibr", "_lenswords"}),
+    "A lens": (r"(?i)\b(py)?eucm\b", {"kalibr", "basalt", "_lenswords"}),
     "A calibration reader": (r"woodscape", set()),
     "A dtype": (r"\bF16\b", set()),
     "An instruction set": (r"(?i)\bneon\b", set()),

@@ -172,6 +172,37 @@ class Section:
         path = f"{self.path}.{key}" if self.path else key
         return Section(self.value(key), self.origin, path, nearest=self.nearest)
 
+    def sections(self, key: str) -> list[Section]:
+        """Return the mappings of a key's list, at least one."""
+        values = self.value(key)
+        if not isinstance(values, (list, tuple)) or not values:
+            raise CalibrationError(
+                f"{self.where(key)}: expected a list, got {describe(values)}; list the cameras in it"
+            )
+        path = f"{self.path}.{key}" if self.path else key
+        return [
+            Section(value, self.origin, f"{path}[{index}]", nearest=self.nearest) for index, value in enumerate(values)
+        ]
+
+    def listed(self, key: str, count: int) -> Sequence[Any]:
+        """Return the list of a key, which must have an entry for each camera."""
+        values = self.value(key)
+        if not isinstance(values, (list, tuple)) or len(values) != count:
+            raise CalibrationError(
+                f"{self.where(key)}: expected a list of {count}, one for each camera, got {describe(values)}; "
+                "add what is missing"
+            )
+        return values
+
+    def with_values(self, **values: Any) -> Section:
+        """Return the same section with other values for some of its keys."""
+        return Section({**self.content, **values}, self.origin, self.path, nearest=self.nearest)
+
+    def pair(self, key: str) -> tuple[int, int]:
+        """Return (width, height) from one key with two numbers."""
+        width, height = self.numbers(key, 2, unit="pixels")
+        return image_size(float(width), float(height), self.where(key))
+
     def image_size(self, width: str, height: str) -> tuple[int, int]:
         """Return (width, height) from two keys."""
         return self.whole(width, minimum=1), self.whole(height, minimum=1)

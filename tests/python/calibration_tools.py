@@ -1,0 +1,264 @@
+"""Samples of calibration files that tools of robotics write: numbers are ours, their layout that of real files."""
+
+from __future__ import annotations
+
+from calibration_sample import Sample, as_json
+
+OPENCV_HEADER = b"%YAML:1.0\n---\n"
+
+CAMODOCAL = OPENCV_HEADER + (
+    b"model_type: PINHOLE\ncamera_name: front\nimage_width: 752\nimage_height: 480\n"
+    b"distortion_parameters:\n   k1: -2.917e-01\n   k2: 8.228e-02\n   p1: 5.333e-05\n   p2: -1.578e-04\n"
+    b"projection_parameters:\n   fx: 4.616e+02\n   fy: 4.603e+02\n   cx: 3.630e+02\n   cy: 2.481e+02\n"
+)
+CAMODOCAL_MEI = OPENCV_HEADER + (
+    b"model_type: MEI\ncamera_name: side\nimage_width: 1400\nimage_height: 1400\nmirror_parameters:\n   xi: 2.2134\n"
+    b"distortion_parameters:\n   k1: 1.6798e-02\n   k2: 1.6548\n   p1: 4.2223e-04\n   p2: 4.2462e-04\n"
+    b"projection_parameters:\n   gamma1: 1.3363e+03\n   gamma2: 1.3357e+03\n   u0: 7.1694e+02\n   v0: 7.0576e+02\n"
+)
+CAMODOCAL_FISHEYE = OPENCV_HEADER + (
+    b"model_type: KANNALA_BRANDT\ncamera_name: up\nimage_width: 512\nimage_height: 510\nprojection_parameters:\n"
+    b"   k2: 0.0034823\n   k3: 0.00071503\n   k4: -0.0020532\n   k5: 0.00020293\n   mu: 190.978\n   mv: 190.973\n"
+    b"   u0: 254.931\n   v0: 256.897\n"
+)
+CAMODOCAL_PANORAMA = OPENCV_HEADER + (
+    b"model_type: scaramuzza\ncamera_name: pal\nimage_width: 1280\nimage_height: 960\npoly_parameters:\n"
+    b"   p0: -2.445e+02\n   p1: 0.\n   p2: 1.7486e-03\n   p3: -1.7578e-06\n   p4: 4.476e-09\ninv_poly_parameters:\n"
+    b"   p0: 376.8\n   p1: 246.7\n   p2: 19.0\naffine_parameters:\n   ac: 1.0002\n   ad: 0.0011\n   ae: -0.0007\n"
+    b"   cx: 645.1\n   cy: 486.02\n"
+)
+
+
+def _opencv_matrix(name: str, numbers: str) -> bytes:
+    return f"{name}: !!opencv-matrix\n   rows: 4\n   cols: 4\n   dt: d\n   data: [{numbers}]\n".encode()
+
+
+VINS = (
+    b'%YAML:1.0\n\nimu: 1\nnum_of_cam: 2\nimu_topic: "/imu0"\nimage_width: 752\nimage_height: 480\n'
+    b'cam0_calib: "cam0.yaml"\ncam1_calib: "cam1.yaml"\nestimate_extrinsic: 0\n'
+    + _opencv_matrix("body_T_cam0", "0., -1., 0., -0.021, 1., 0., 0., -0.064, 0., 0., 1., 0.009, 0., 0., 0., 1.")
+    + _opencv_matrix("body_T_cam1", "0., -1., 0., -0.019, 0.8, 0., 0.6, 0.045, -0.6, 0., 0.8, 0.007, 0., 0., 0., 1.")
+    + b"max_cnt: 150\n"
+)
+VINS_MONO = (
+    CAMODOCAL.replace(b"---\n", b"\n")
+    + b"estimate_extrinsic: 0\nextrinsicRotation: !!opencv-matrix\n   rows: 3\n   cols: 3\n   dt: d\n"
+    b"   data: [0., -1., 0., 1., 0., 0., 0., 0., 1.]\nextrinsicTranslation: !!opencv-matrix\n   rows: 3\n   cols: 1\n"
+    b"   dt: d\n   data: [-0.021, -0.064, 0.009]\n"
+)
+
+EUROC = b"""# General sensor definitions.
+sensor_type: camera
+comment: VI-Sensor cam0 (MT9M034)
+
+# Sensor extrinsics wrt. the body-frame.
+T_BS:
+  cols: 4
+  rows: 4
+  data: [0.0, -0.8, -0.6, -0.0216,
+         1.0, 0.0, 0.0, -0.0647,
+         0.0, -0.6, 0.8, 0.0098,
+         0.0, 0.0, 0.0, 1.0]
+
+# Camera specific definitions.
+rate_hz: 20
+resolution: [752, 480]
+camera_model: pinhole
+intrinsics: [458.6, 457.3, 367.2, 248.4] #fu, fv, cu, cv
+distortion_model: radial-tangential
+distortion_coefficients: [-0.2834, 0.07396, 0.000194, 1.762e-05]
+"""
+
+NCAMERA = b"""label: "rig"
+id: 412eab8e4058621f7036b5e765dfe812
+cameras:
+- camera:
+    label: cam0
+    id: 54812562fa109c40fe90b29a59dd7798
+    line-delay-nanoseconds: 0
+    image_height: 480
+    image_width: 752
+    type: pinhole
+    intrinsics:
+      cols: 1
+      rows: 4
+      data: [461.2, 459.8, 363.1, 248.7]
+    distortion:
+      type: radial-tangential
+      parameters:
+        cols: 1
+        rows: 4
+        data: [-0.29, 0.083, 0.0002, 1.5e-05]
+  T_B_C:
+    cols: 4
+    rows: 4
+    data: [0, -1, 0, 0.01, 1, 0, 0, -0.06, 0, 0, 1, 0.02, 0, 0, 0, 1]
+- camera:
+    label: cam1
+    id: 54812562fa109c40fe90b29a59dd7723
+    image_height: 480
+    image_width: 752
+    type: pinhole
+    intrinsics:
+      cols: 1
+      rows: 4
+      data: [250.5, 251.25, 317.0, 241.5]
+    distortion:
+      type: equidistant
+      parameters:
+        cols: 1
+        rows: 4
+        data: [-0.018, 0.012, -0.009, 0.0021]
+  T_B_C:
+    cols: 4
+    rows: 4
+    data: [0, -1, 0, 0.011, 0.8, 0, 0.6, 0.05, -0.6, 0, 0.8, 0.02, 0, 0, 0, 1]
+"""
+
+OKVIS = b"""%YAML:1.0
+cameras:
+     - {T_SC:
+        [ 0.0, -1.0, 0.0, -0.0216,
+          1.0, 0.0, 0.0, -0.0647,
+          0.0, 0.0, 1.0, 0.0098,
+          0.0, 0.0, 0.0, 1.0],
+        image_dimension: [752, 480],
+        distortion_coefficients: [-0.2834, 0.0740, 0.0001936, 1.7619e-05],
+        distortion_type: radialtangential,
+        focal_length: [458.65, 457.3],
+        principal_point: [367.2, 248.4]}
+
+     - {T_SC:
+        [ 0.0, -1.0, 0.0, -0.0198,
+          1.0, 0.0, 0.0, 0.0454,
+          0.0, 0.0, 1.0, 0.0079,
+          0.0, 0.0, 0.0, 1.0],
+        image_dimension: [752, 480],
+        distortion_coefficients: [0.01, -0.004, 0.0006, 0.0002],
+        distortion_type: equidistant,
+        focal_length: [357.6, 356.1],
+        principal_point: [379.9, 255.2]}
+
+camera_params:
+    camera_rate: 20
+imu_params:
+    g: 9.81007
+"""
+
+BASALT = {
+    "value0": {
+        "T_imu_cam": [
+            {"px": 0.045, "py": -0.071, "pz": -0.047, "qx": 0.6, "qy": 0.0, "qz": 0.0, "qw": 0.8},
+            {"px": -0.056, "py": -0.069, "pz": -0.044, "qx": 0.0, "qy": 0.28, "qz": 0.0, "qw": 0.96},
+            {"px": 0.0, "py": 0.0, "pz": 0.0, "qx": 0.0, "qy": 0.0, "qz": 0.0, "qw": 1.0},
+        ],
+        "intrinsics": [
+            {
+                "camera_type": "ds",
+                "intrinsics": {"fx": 158.3, "fy": 158.2, "cx": 254.9, "cy": 257.0, "xi": -0.172, "alpha": 0.593},
+            },
+            {
+                "camera_type": "kb4",
+                "intrinsics": {
+                    "fx": 190.9, "fy": 190.8, "cx": 252.6, "cy": 255.0, "k1": 0.0037, "k2": 0.0012, "k3": -0.0024,
+                    "k4": 0.0003,
+                },
+            },
+            {
+                "camera_type": "eucm",
+                "intrinsics": {"fx": 191.0, "fy": 191.1, "cx": 250.5, "cy": 251.5, "alpha": 0.62, "beta": 1.05},
+            },
+        ],
+        "resolution": [[512, 512], [512, 512], [512, 512]],
+        "calib_accel_bias": [0.0] * 9,
+        "imu_update_rate": 200.0,
+    }
+}  # fmt: skip
+
+ORB_SLAM3 = b"""%YAML:1.0
+
+File.version: "1.0"
+
+Camera.type: "KannalaBrandt8"
+
+# Left Camera calibration and distortion parameters (OpenCV)
+Camera1.fx: 190.978
+Camera1.fy: 190.973
+Camera1.cx: 254.932
+Camera1.cy: 256.897
+Camera1.k1: 0.0034824
+Camera1.k2: 0.00071504
+Camera1.k3: -0.0020532
+Camera1.k4: 0.00020294
+
+Camera2.fx: 190.442
+Camera2.fy: 190.434
+Camera2.cx: 252.597
+Camera2.cy: 254.917
+Camera2.k1: 0.0034003
+Camera2.k2: 0.0017669
+Camera2.k3: -0.0026631
+Camera2.k4: 0.00032995
+
+Camera.width: 512
+Camera.height: 512
+Camera.fps: 20
+Camera.RGB: 1
+Stereo.ThDepth: 40.0
+Stereo.T_c1_c2: !!opencv-matrix
+  rows: 4
+  cols: 4
+  dt: f
+  data: [0.8, 0.0, 0.6, 0.101,
+         0.0, 1.0, 0.0, 0.002,
+         -0.6, 0.0, 0.8, -0.001,
+         0.0, 0.0, 0.0, 1.0]
+IMU.T_b_c1: !!opencv-matrix
+  rows: 4
+  cols: 4
+  dt: f
+  data: [-1.0, 0.0, 0.0, 0.045,
+         0.0, 0.6, 0.8, -0.072,
+         0.0, 0.8, -0.6, -0.046,
+         0.0, 0.0, 0.0, 1.0]
+ORBextractor.nFeatures: 1500
+"""
+
+ORB_SLAM2 = b"""%YAML:1.0
+
+# Camera calibration and distortion parameters (OpenCV)
+Camera.fx: 517.306
+Camera.fy: 516.469
+Camera.cx: 318.643
+Camera.cy: 255.314
+
+Camera.k1: 0.262
+Camera.k2: -0.953
+Camera.p1: -0.0054
+Camera.p2: 0.0026
+Camera.k3: 1.163
+
+Camera.width: 640
+Camera.height: 480
+Camera.fps: 30.0
+ORBextractor.nFeatures: 1000
+"""
+
+TOOLS = {
+    "camodocal": Sample("camodocal", {"cam0.yaml": CAMODOCAL}),
+    "camodocal mei": Sample("camodocal", {"image_02.yaml": CAMODOCAL_MEI}),
+    "camodocal fisheye": Sample("camodocal", {"fisheye.yaml": CAMODOCAL_FISHEYE}),
+    "camodocal panorama": Sample("camodocal", {"pal.yaml": CAMODOCAL_PANORAMA}),
+    "camodocal vins": Sample(
+        "camodocal",
+        {"vins.yaml": VINS, "cam0.yaml": CAMODOCAL, "cam1.yaml": CAMODOCAL.replace(b"4.616e+02", b"4.571e+02")},
+        options={"camera": 1},
+    ),
+    "camodocal vins-mono": Sample("camodocal", {"euroc_config.yaml": VINS_MONO}),
+    "euroc": Sample("euroc", {"sensor.yaml": EUROC}),
+    "ncamera": Sample("ncamera", {"ncamera.yaml": NCAMERA}, options={"camera": "cam1"}),
+    "okvis": Sample("okvis", {"config.yaml": OKVIS}, options={"camera": 1}),
+    "basalt": Sample("basalt", {"calibration.json": as_json(BASALT)}, options={"camera": 1}),
+    "orbslam": Sample("orbslam", {"EuRoC.yaml": ORB_SLAM3}, options={"camera": 2}),
+    "orbslam 2": Sample("orbslam", {"TUM1.yaml": ORB_SLAM2}),
+}
