@@ -49,6 +49,7 @@ pub use grid::{BevGrid, SampleAt};
 pub use ground::{Ground, HeightMap, Plane};
 pub use lut::Lut;
 pub use parallel::{ignored_variable, interruptible, num_threads, set_num_threads};
+pub use table::checksum;
 pub use view::{F16, ImageMask, ImageView, ImageViewMut, MAX_CELLS, Sample};
 pub use warp::direct::{BorderMode, Mapping, inverse_homography, warp_direct_into, warp_direct_nearest_into};
 pub use warp::{Bilinear, Interpolation, WarpOptions};

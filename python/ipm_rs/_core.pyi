@@ -25,6 +25,7 @@ __all__ = [
     "Plane",
     "RadialPolynomial",
     "_RigTable",
+    "_checksum",
     "__version__",
     "cpu_info",
     "decode_carla_depth",
@@ -1732,6 +1733,75 @@ class Lut:
         Raises:
             ArgumentTypeError: no number.
         """
+    def save(self, path: str | PathLike[str]) -> None:
+        """Writes the table as a file, whole or not at all; `load` gives an equal one.
+
+        The file holds camera, grid and ground too, where the table was built from them, and a checksum of every part.
+        Its name usually ends in `.ipmlut`. For files of other programs, see `export`.
+
+        Args:
+            path: the file; an existing one is replaced.
+
+        Raises:
+            FileError: the file cannot be written.
+            ArgumentTypeError: no path.
+        """
+    @classmethod
+    def load(
+        cls,
+        path: str | PathLike[str],
+        *,
+        expect: Camera | BevGrid | Sequence[Camera | BevGrid] | None = None,
+        source_size: tuple[int, int] | None = None,
+    ) -> Lut:
+        """A table from a file of `save`, or of `export` as `"opencv"`, `"lanenet"` or `"npz"`; the content decides.
+
+        Every byte of our own files is checked, and every bound that a warp relies on is proved again. The maps of the
+        others are float32, so a table that comes back from them is equal to 2^-14 of a pixel or so, and knows no camera.
+
+        Args:
+            path: the file.
+            expect: the Camera, the BevGrid, or both, that the table must be of: a table of yesterday's calibration is
+                refused, and the message says in what it differs.
+            source_size: (width, height) of the images, where maps of another program do not say it.
+
+        Raises:
+            MissingFileError: there is no such file.
+            FileError: it cannot be read.
+            LutError: it is no table, cut short, damaged, written by a newer version, or not of what was expected.
+            ArgumentError: `source_size` is missing, or another than the file's.
+            ArgumentTypeError: `path` is no path, or `expect` something else than cameras and grids.
+        """
+    def export(
+        self,
+        path: str | PathLike[str],
+        *,
+        format: Literal["opencv", "lanenet", "cv16sc2", "npz", "torch_grid", "c_header"] | None = None,
+    ) -> None:
+        """Writes the table for another program, whole or not at all.
+
+        | format | file | content |
+        |---|---|---|
+        | `"opencv"` | `.yml` | `map_x`, `map_y` float32 for `cv2.FileStorage` and `cv2.remap` |
+        | `"lanenet"` | `.yml` | the same as `remap_ipm_x`, `remap_ipm_y` |
+        | `"cv16sc2"` | `.yml` | `map1` int16 with two channels, `map2` uint16: 1/32 of a pixel, faster in `cv2.remap` |
+        | `"npz"` | `.npz` | `map_x`, `map_y`, `mask`, `source_size` |
+        | `"torch_grid"` | `.npy` | (1, rows, columns, 2) float32 for `grid_sample(..., align_corners=True)` |
+        | `"c_header"` | `.h` | `static const float` arrays, and macros with their sizes |
+
+        Maps are source pixels, pixel (0, 0) the centre of the first; cells without an image are -9, which every constant
+        border answers with its value.
+
+        Args:
+            path: the file; an existing one is replaced.
+            format: by default what the file's ending says, `"opencv"` for `.yml`.
+
+        Raises:
+            FileError: the file cannot be written.
+            ArgumentError: there is no such format, or its files have another ending.
+            LutError: the format cannot hold the table.
+            ArgumentTypeError: no path.
+        """
     @classmethod
     def _from_bytes(
         cls,
@@ -1739,11 +1809,14 @@ class Lut:
         camera: Camera | None = None,
         grid: BevGrid | None = None,
         ground: float | Plane | HeightMap | None = None,
+        start: int | None = None,
+        stop: int | None = None,
     ) -> Lut: ...
     def __eq__(self, other: object, /) -> bool: ...
     def __ne__(self, other: object, /) -> bool: ...
     def __reduce__(self) -> tuple[Any, tuple[bytes]]: ...
 
+def _checksum(data: bytes, start: int | None = None, stop: int | None = None) -> int: ...
 def rotation_from_euler(roll: float, pitch: float, yaw: float) -> NDArray[np.float64]:
     """`Rz(yaw) Ry(pitch) Rx(roll)`: (3, 3) float64, turns vectors of the rotated body into its parent's frame.
 

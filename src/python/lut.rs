@@ -17,6 +17,7 @@ use super::grid::PyBevGrid;
 use super::ground::{road, road_object};
 use super::image::{ImageArray, Output};
 use super::layout::Layout;
+use super::lut_file::range_of;
 use super::maps::{MapPair, map_array};
 use super::options::{self, BorderValue};
 use super::shared;
@@ -241,21 +242,19 @@ impl PyLut {
         Ok((PyArray1::from_vec(py, map_x).reshape(self.shape())?, PyArray1::from_vec(py, map_y).reshape(self.shape())?))
     }
 
-    /// Undoes a pickle; every bound is proved again.
+    /// Undoes a pickle, or takes a table of a range of a file's bytes; every bound is proved again.
     #[classmethod]
-    #[pyo3(name = "_from_bytes", signature = (data, camera = None, grid = None, ground = None))]
+    #[pyo3(name = "_from_bytes", signature = (data, camera = None, grid = None, ground = None, start = None, stop = None))]
     fn from_bytes(
         _cls: &Bound<'_, PyType>,
         data: &Bound<'_, PyAny>,
         camera: Option<PyRef<'_, PyCamera>>,
         grid: Option<PyRef<'_, PyBevGrid>>,
         ground: Option<&Bound<'_, PyAny>>,
+        start: Option<usize>,
+        stop: Option<usize>,
     ) -> PyResult<Self> {
-        let Ok(bytes) = data.cast::<PyBytes>() else {
-            let message = format!("Lut: expected the bytes of a table, got {}", type_name(data));
-            return Err(ArgumentTypeError::new_err(message));
-        };
-        let bytes = bytes.as_bytes();
+        let bytes = range_of("Lut", data, start, stop)?;
         let lut = detached::run(data.py(), || Lut::from_bytes(bytes))?;
         let Some(grid) = grid else { return Ok(lut.into()) };
         let mask = camera.as_ref().and_then(|camera| camera.mask.clone());

