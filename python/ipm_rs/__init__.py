@@ -69,7 +69,7 @@ from ipm_rs.layers import Layers
 from ipm_rs.rig import Rig, RigLut
 
 if TYPE_CHECKING:
-    from ipm_rs import pointfile, reference
+    from ipm_rs import pointfile, reference, streams
 
 __all__ = [
     "ArgumentError",
@@ -125,13 +125,14 @@ __all__ = [
     "render_points",
     "rotation_from_euler",
     "set_num_threads",
+    "streams",
     "vanishing_point",
     "warp_perspective",
 ]
 
 
 def __getattr__(name: str) -> object:
-    if name in ("pointfile", "reference"):  # when they are asked for: few programs need them
+    if name in ("pointfile", "reference", "streams"):  # when they are asked for: few programs need them
         return importlib.import_module(f"ipm_rs.{name}")
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 

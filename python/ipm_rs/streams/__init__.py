@@ -1,0 +1,125 @@
+"""Frames of a drive, one after another: from folders, lists of files and videos; and pictures back to such.
+
+    for frame in ipm_rs.streams.open("drive.mp4"):
+        bev = lut.warp(frame.image)
+
+`open` recognises what a path is. `warp` runs a whole stream through a table, with decoding, warping and encoding on
+threads of their own, in order, and in memory that does not grow.
+
+How to add a source
+-------------------
+A module ``ipm_rs/streams/<kind>.py`` with ``TITLE``, ``recognises(path) -> bool``, which looks at names and first bytes
+only, and ``read(path, **options) -> Stream``; and its name in `FORMATS`.
+"""
+
+from __future__ import annotations
+
+import os
+from importlib import import_module
+from typing import Any, Protocol, cast
+
+from ipm_rs._arguments import path_text
+from ipm_rs.errors import ArgumentError, ArgumentTypeError, FileError
+from ipm_rs.streams._frame import Frame, Stream, Ticket
+from ipm_rs.streams._pipeline import Summary, warp
+
+__all__ = ["FORMATS", "Frame", "Stream", "Summary", "Ticket", "open", "recognise", "warp"]
+
+FORMATS: tuple[str, ...] = ("folder", "video")
+"""Kinds of sources, in the order in which they are tried."""
+
+
+class Source(Protocol):
+    """What a module of a kind of source holds."""
+
+    TITLE: str
+
+    def recognises(self, path: str) -> bool:
+        """Say whether a path is of this kind."""
+
+    def read(self, path: str, **options: Any) -> Stream:
+        """Open it."""
+
+
+def open(
+    path: str | os.PathLike[str],
+    *,
+    kind: str | None = None,
+    every: int = 1,
+    start: float | None = None,
+    end: float | None = None,
+    **options: Any,
+) -> Stream:
+    """Open a stream of frames.
+
+    Parameters
+    ----------
+    path : str or path
+        A folder of images, a pattern (``"frames/*.png"``), a ``.txt`` list with an image's path in each line, or a
+        video.
+    kind : str, optional
+        One of `FORMATS`; recognised by default.
+    every : int
+        Only every so many-th frame.
+    start, end : float, optional
+        Seconds: frames from `start` on and before `end`, of the stream's own timestamps. Folders, whose frames have
+        none, refuse them.
+    **options
+        Of the kind. Videos: ``rotation="refuse"``, ``"ignore"`` or ``"apply"`` for a file that asks for its pictures to
+        be turned; ``bits=8``, or 16 for what the file holds beyond 8.
+
+    Returns
+    -------
+    Stream
+        Iterate over it for `Frame`.
+
+    Raises
+    ------
+    MissingFileError, FileError
+        There is nothing of that name, or nothing that is known.
+    ArgumentError, ArgumentTypeError
+        An argument is wrong, or none of this kind's.
+    MissingExtraError
+        What reads this kind is not installed; the message names the extra.
+    """
+    text = path_text("path", path)
+    if isinstance(every, bool) or not isinstance(every, int):
+        raise ArgumentTypeError(
+            f"every: expected a whole number, got {type(every).__name__}; 2 takes every other frame"
+        )
+    if every < 1:
+        raise ArgumentError(f"every: expected at least 1, got {every}; 2 takes every other frame")
+    for name, moment in (("start", start), ("end", end)):
+        if moment is not None and (isinstance(moment, bool) or not isinstance(moment, (int, float))):
+            raise ArgumentTypeError(f"{name}: expected seconds, got {type(moment).__name__}; pass a number")
+        if moment is not None and not moment >= 0:
+            raise ArgumentError(f"{name}: expected seconds from 0 on, got {moment}")
+    if kind is None:
+        kind = recognise(text)
+    elif not isinstance(kind, str) or kind not in FORMATS:
+        raise ArgumentError(f"kind: expected {', '.join(map(repr, FORMATS))}, got {kind!r:.80}; choose one")
+    return _source(kind).read(text, **options).chosen(every=every, start=start, end=end)
+
+
+def recognise(path: str | os.PathLike[str]) -> str:
+    """Return the kind of source that a path is, one of `FORMATS`.
+
+    Raises
+    ------
+    FileError
+        It is none of them.
+    ArgumentTypeError
+        It is no path.
+    """
+    text = path_text("path", path)
+    for name in FORMATS:
+        if _source(name).recognises(text):
+            return name
+    known = "; ".join(_source(name).TITLE for name in FORMATS)
+    raise FileError(
+        f"{text}: expected a stream of frames, got none that is known ({known}); give kind= or another path"
+    )
+
+
+def _source(name: str) -> Source:
+    return cast(Source, import_module(f"ipm_rs.streams.{name}"))

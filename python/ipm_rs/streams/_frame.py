@@ -1,0 +1,129 @@
+"""What a stream is made of."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ipm_rs._core import Camera
+from ipm_rs.errors import ArgumentError
+
+__all__ = ["Frame", "Stream", "Ticket"]
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """One picture of a stream.
+
+    Attributes
+    ----------
+    image : ndarray
+        (H, W), (H, W, 3) or (H, W, 4), colours in the order red, green, blue.
+    name : str
+        Of a file without its ending, or the number of the frame in its video with six digits.
+    index : int
+        Its number in the stream, from 0, frames that were left out by ``every=`` included.
+    timestamp : float or None
+        Seconds, of the stream's own clock.
+    camera : Camera or None
+        The calibration that the stream has for it.
+    map_from_vehicle : (4, 4) float64 or None
+        Where the vehicle was.
+    """
+
+    image: NDArray[Any]
+    name: str
+    index: int
+    timestamp: float | None = None
+    camera: Camera | None = None
+    map_from_vehicle: NDArray[np.float64] | None = None
+
+
+@dataclass(frozen=True)
+class Ticket:
+    """A frame that is still to be decoded: `load` does it, on whatever thread calls it.
+
+    `load` raises FileError or ImageError where this one frame is damaged; the stream goes on after it.
+    """
+
+    name: str
+    index: int
+    timestamp: float | None
+    load: Callable[[], Frame]
+
+
+@dataclass(frozen=True)
+class Stream:
+    """Frames in order. Iterate over it for frames, as often as you like; each time it begins anew.
+
+    Attributes
+    ----------
+    path : str
+        What it was opened from.
+    make : callable
+        Returns an iterator over the tickets. Closing the iterator frees what it holds.
+    count : int or None
+        How many frames there are, as far as is known before they are read.
+    rate : float or None
+        Frames a second.
+    size : (width, height) or None
+        Of the pictures, where the stream says it.
+    """
+
+    path: str
+    make: Callable[[], Iterator[Ticket]]
+    count: int | None = None
+    rate: float | None = None
+    size: tuple[int, int] | None = None
+
+    def tickets(self) -> Iterator[Ticket]:
+        """Return an iterator over the frames that are still to be decoded."""
+        return self.make()
+
+    def __iter__(self) -> Iterator[Frame]:
+        for ticket in self.make():
+            yield ticket.load()
+
+    def chosen(self, every: int = 1, start: float | None = None, end: float | None = None) -> Stream:
+        """Return the stream of every so many-th frame, of those from `start` on and before `end`."""
+        if every == 1 and start is None and end is None:
+            return self
+        count, rate = self.count, self.rate
+        if count is not None and rate and (start is not None or end is not None):
+            first, last = (start or 0.0) * rate, count if end is None else min(end * rate, count)
+            count = max(0, round(last - first))
+        count = None if count is None else -(-count // every)
+        return replace(
+            self,
+            make=lambda: _chosen(self, every, start, end),
+            count=count,
+            rate=None if rate is None else rate / every,
+        )
+
+
+def _chosen(stream: Stream, every: int, start: float | None, end: float | None) -> Iterator[Ticket]:
+    taken = 0
+    tickets = stream.tickets()
+    try:
+        for ticket in tickets:
+            if start is not None or end is not None:
+                if ticket.timestamp is None:
+                    raise ArgumentError(
+                        f"{stream.path}: expected no start and end, got them for frames without timestamps; "
+                        "leave them out"
+                    )
+                if end is not None and ticket.timestamp >= end:
+                    return
+                if start is not None and ticket.timestamp < start:
+                    continue
+            if taken % every == 0:
+                yield ticket
+            taken += 1
+    finally:
+        close = getattr(tickets, "close", None)
+        if close is not None:
+            close()

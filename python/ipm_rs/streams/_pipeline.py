@@ -1,0 +1,176 @@
+"""A stream through a table: decode, warp and encode on threads of their own, in order, in memory that does not grow."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from collections.abc import Callable
+from concurrent.futures import CancelledError
+from dataclasses import dataclass, field
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+from ipm_rs._arguments import path_text
+from ipm_rs._core import Lut
+from ipm_rs.errors import ArgumentError, ArgumentTypeError, FileError, ImageError, IpmError
+from ipm_rs.streams._frame import Frame, Stream, Ticket
+from ipm_rs.streams._ordered import ordered
+from ipm_rs.streams._sinks import Sink, sink_for
+
+__all__ = ["Summary", "warp"]
+
+
+@dataclass
+class Summary:
+    """What a run did: frames `done`, `skipped` because their outputs were there, and the errors of those that `failed`.
+
+    `seconds` is the time that it took.
+    """
+
+    done: int = 0
+    skipped: int = 0
+    failed: list[IpmError] = field(default_factory=list)
+    seconds: float = 0.0
+
+    @property
+    def rate(self) -> float:
+        """Frames a second."""
+        return self.done / self.seconds if self.seconds else 0.0
+
+
+def warp(
+    stream: Stream,
+    lut: Lut | Callable[[Frame], Lut],
+    output: str | os.PathLike[str],
+    *,
+    jobs: int | None = None,
+    skip_existing: bool = False,
+    strict: bool = False,
+    ending: str | None = None,
+    level: int = 1,
+    report: Callable[[Ticket, IpmError | None], None] | None = None,
+    **options: Any,
+) -> Summary:
+    """Warp every frame of a stream and write what comes of it.
+
+    Frames are decoded, warped and encoded on `jobs` threads and written in order. A frame that cannot be decoded or
+    does not fit is left out and told of; the others are made. Every file is whole or is not there, whatever happens: a
+    folder keeps the frames that were made, a video that does not end well is removed.
+
+    Parameters
+    ----------
+    stream : Stream
+        From `open`.
+    lut : Lut, or a function that takes a `Frame` and returns one
+        The table; a function for tables that differ from frame to frame, called on several threads.
+    output : path
+        A video (``.mp4``, ``.mov``, ``.mkv``, ``.webm``, ``.avi``), else a folder, which is made.
+    jobs : int, optional
+        Threads; by default the CPUs that the process may use.
+    skip_existing : bool
+        Leave out frames whose files are in the folder already: goes on after a stop.
+    strict : bool
+        Stop at the first frame that fails.
+    ending : str, optional
+        Of the files in a folder: ``".png"`` (default), ``".jpg"``, ``".tif"``, ``".bmp"``, ``".npy"``, or ``".npz"``
+        for shards of 64 pictures.
+    level : int
+        Of PNG's compression, 0 to 9. 1 takes a fourth of the time of 6, Pillow's own, and makes files a sixth larger.
+    report : callable, optional
+        Called with each frame's ticket, and its error or None, in order.
+    **options
+        Of `Lut.warp`: interpolation, border_value.
+
+    Returns
+    -------
+    Summary
+
+    Raises
+    ------
+    FileError, ImageError
+        The stream or the output cannot be used, or with ``strict=True`` a frame.
+    ArgumentError, ArgumentTypeError
+        An argument is wrong.
+    """
+    if not isinstance(stream, Stream):
+        raise ArgumentTypeError(f"stream: expected a Stream, got {type(stream).__name__}; make one with streams.open()")
+    if not isinstance(lut, Lut) and not callable(lut):
+        raise ArgumentTypeError(f"lut: expected a Lut or a function, got {type(lut).__name__}; build one")
+    path = Path(path_text("output", output))
+    jobs = _cpus() if jobs is None else _whole("jobs", jobs, 1, 1000)
+    level = _whole("level", level, 0, 9)
+    if skip_existing and path.suffix.lower() in (".mp4", ".mov", ".mkv", ".webm", ".avi") and path.exists():
+        return Summary()  # a video is there only if it is whole
+    sink = sink_for(path, rate=stream.rate, ending=ending, level=level)
+    # More than one job: a warp takes one thread, because its frames are enough work for all CPUs.
+    options.setdefault("threads", None if jobs == 1 else 1)
+    return run(stream, lut, sink, jobs=jobs, skip_existing=skip_existing, strict=strict, report=report, options=options)
+
+
+def run(
+    stream: Stream,
+    lut: Lut | Callable[[Frame], Lut],
+    sink: Sink,
+    *,
+    jobs: int,
+    skip_existing: bool,
+    strict: bool,
+    report: Callable[[Ticket, IpmError | None], None] | None,
+    options: dict[str, Any],
+) -> Summary:
+    """Do the work of `warp`, its arguments checked."""
+
+    def work(ticket: Ticket) -> Any:
+        if skip_existing and sink.has(ticket):
+            return None
+        frame = ticket.load()
+        table = lut if isinstance(lut, Lut) else lut(frame)
+        return (sink.prepare(ticket, table.warp(frame.image, **options)),)
+
+    summary, begin = Summary(), perf_counter()
+    with contextlib.ExitStack() as stack:
+        stack.callback(sink.discard)
+        with contextlib.closing(ordered(stream.tickets(), work, jobs)) as results:
+            for ticket, future in results:
+                error: IpmError | None = None
+                try:
+                    made = future.result()
+                    if made is None:
+                        summary.skipped += 1
+                    else:
+                        sink.put(ticket, made[0])
+                        summary.done += 1
+                except (FileError, ImageError) as problem:
+                    if strict or _is_fatal(problem):
+                        raise
+                    error = problem
+                    summary.failed.append(problem)
+                except CancelledError:  # pragma: no cover - only where the interpreter is ending
+                    break
+                if report is not None:
+                    report(ticket, error)
+        if summary.done or not summary.failed:
+            sink.close()
+            stack.pop_all()
+    summary.seconds = perf_counter() - begin
+    return summary
+
+
+def _is_fatal(problem: IpmError) -> bool:
+    """Say whether the next frame would fail alike: no space, no folder, no permission."""
+    cause = problem.__cause__
+    return isinstance(cause, OSError) and cause.errno is not None and "expected to write" in str(problem)
+
+
+def _cpus() -> int:
+    usable = getattr(os, "sched_getaffinity", None)
+    return len(usable(0)) if usable else os.cpu_count() or 1
+
+
+def _whole(name: str, value: Any, low: int, high: int) -> int:
+    if isinstance(value, bool) or not isinstance(value, int):
+        raise ArgumentTypeError(f"{name}: expected a whole number, got {type(value).__name__}")
+    if not low <= value <= high:
+        raise ArgumentError(f"{name}: expected {low} to {high}, got {value}")
+    return value
