@@ -8,7 +8,7 @@ use crate::camera::Camera;
 use crate::cpu::Isa;
 use crate::error::{Error, Result};
 use crate::geometry::Pose;
-use crate::parallel;
+use crate::parallel::{self, Work};
 use crate::view::buffer;
 use crate::view::{DepthSample, ImageView, ImageViewMut, PointSample};
 
@@ -248,7 +248,7 @@ impl<'a, D: DepthRows> Job<'a, D> {
             rotation: (rotation != &Matrix3::identity()).then(|| super::rows(rotation)),
             origin: (*frame_from_camera.translation()).into(),
             isa: Isa::active()?,
-            threads: super::threads_for(options.threads, got.0 * got.1 * 16)?,
+            threads: Work::bytes(got.0 * got.1 * 16).threads(options.threads)?,
             size,
         })
     }

@@ -7,7 +7,7 @@ use super::back_project::DepthRows;
 use super::kernels::{self, Decode, Encode};
 use crate::cpu::Isa;
 use crate::error::{Error, Result};
-use crate::parallel;
+use crate::parallel::{self, Work};
 use crate::view::{ImageView, ImageViewMut, PointSample};
 
 /// The largest code, 256^3 - 1.
@@ -91,7 +91,7 @@ pub fn decode_carla_depth_into(
     if out.shape() != expected {
         return Err(Error::OutputShape { expected, got: out.shape() });
     }
-    let (isa, threads) = (Isa::active()?, super::threads_for(threads, image.width() * image.height() * 8)?);
+    let (isa, threads) = (Isa::active()?, Work::bytes(image.width() * image.height() * 8).threads(threads)?);
     let band = parallel::rows_per_band(image.height(), image.width(), threads);
     parallel::for_each(threads, out.bands(band), |(first, rows)| {
         for (y, out) in (first..).zip(rows) {
@@ -171,7 +171,7 @@ pub fn encode_carla_depth_into<T: PointSample>(
     if out.shape() != expected {
         return Err(Error::OutputShape { expected, got: out.shape() });
     }
-    let (isa, threads) = (Isa::active()?, super::threads_for(threads, depth.width() * depth.height() * 8)?);
+    let (isa, threads) = (Isa::active()?, Work::bytes(depth.width() * depth.height() * 8).threads(threads)?);
     let scale = LARGEST / unit.largest();
     let valid = std::sync::atomic::AtomicBool::new(true);
     let band = parallel::rows_per_band(depth.height(), depth.width(), threads);

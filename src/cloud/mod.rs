@@ -20,15 +20,6 @@ use nalgebra::Matrix3;
 
 use crate::camera::Camera;
 use crate::error::{Error, Result};
-use crate::parallel;
-
-/// How many threads to use for work that moves so many bytes: below a quarter of a megabyte, 20 us or so, the caller's.
-fn threads_for(requested: Option<usize>, bytes: usize) -> Result<usize> {
-    const INLINE_BYTES: usize = 1 << 18;
-    let threads = requested.unwrap_or_else(parallel::num_threads);
-    parallel::check_threads(threads)?;
-    Ok(if bytes < INLINE_BYTES { 1 } else { threads })
-}
 
 /// Most points that one depth image may become, and most pixels that points may be drawn into: 2^28, 3 GiB of points.
 pub const MAX_POINTS: usize = 1 << 28;

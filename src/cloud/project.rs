@@ -5,7 +5,7 @@ use crate::camera::Camera;
 use crate::camera::lens::each_distort;
 use crate::cpu::Isa;
 use crate::error::{Error, Result};
-use crate::parallel;
+use crate::parallel::{self, Work};
 use crate::view::{PointSample, Strided};
 
 /// Where points fall on an image, an entry for each.
@@ -41,7 +41,7 @@ pub fn project_into<T: PointSample>(
             return Err(Error::PointsLength { what, expected, got });
         }
     }
-    let (isa, threads) = (Isa::active()?, super::threads_for(threads, expected.saturating_mul(32))?);
+    let (isa, threads) = (Isa::active()?, Work::bytes(expected.saturating_mul(32)).threads(threads)?);
     let outs = out.uv.chunks_mut(CHUNK).zip(out.depth.chunks_mut(CHUNK)).zip(out.valid.chunks_mut(CHUNK));
     parallel::for_each(threads, outs.enumerate(), |(chunk, ((uv, depth), valid))| {
         project_chunk(isa, camera, points, chunk * CHUNK, Projections { uv, depth, valid });

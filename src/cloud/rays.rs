@@ -2,7 +2,7 @@
 
 use crate::camera::Camera;
 use crate::error::Result;
-use crate::parallel;
+use crate::parallel::{self, Work};
 use crate::view::buffer;
 
 /// Where each pixel of a camera looks, for many depth images behind one lens: 24 bytes a pixel. A pinhole's rays need no
@@ -23,7 +23,7 @@ impl PixelRays {
     pub fn new(camera: &Camera, threads: Option<usize>) -> Result<Self> {
         let (width, height) = (camera.image_size().0 as usize, camera.image_size().1 as usize);
         super::check_points("camera", (width, height), "use camera.resized()")?;
-        let threads = super::threads_for(threads, width * height * 256)?;
+        let threads = Work::bytes(width * height * 256).threads(threads)?;
         let column = || buffer::zeroed("rays", width * height);
         let mut rays = [column()?, column()?, column()?];
         let [xs, ys, zs] = &mut rays;

@@ -7,7 +7,7 @@ use super::{DepthKind, Projections};
 use crate::camera::Camera;
 use crate::cpu::Isa;
 use crate::error::{Error, Result};
-use crate::parallel;
+use crate::parallel::{self, Work};
 use crate::view::buffer;
 use crate::view::{ImageView, ImageViewMut, PointSample, Sample, Strided};
 
@@ -75,7 +75,7 @@ pub fn render_points_into<T: PointSample>(
         return Err(Error::TooManyPoints { what: "points", got, limit, mend: "draw them in parts" });
     }
     let isa = Isa::active()?;
-    let threads = super::threads_for(options.threads, points.rows().saturating_mul(64) + width * height)?;
+    let threads = Work::bytes(points.rows().saturating_mul(64) + width * height).threads(options.threads)?;
     let mut nearest: Vec<AtomicU64> = buffer::reserved("depth", width * height)?;
     nearest.resize_with(width * height, || AtomicU64::new(EMPTY));
     let canvas = Canvas { nearest: &nearest, width, height, alone: threads == 1 };
@@ -226,7 +226,7 @@ pub fn paint_into<T: Sample>(
     if out.shape() != expected {
         return Err(Error::OutputShape { expected, got: out.shape() });
     }
-    let threads = super::threads_for(threads, index.width() * index.height() * (8 + channels * size_of::<T>()))?;
+    let threads = Work::bytes(index.width() * index.height() * (8 + channels * size_of::<T>())).threads(threads)?;
     let band = parallel::rows_per_band(index.height(), index.width(), threads);
     let count = values.map_or(0, ImageView::height);
     parallel::for_each(threads, out.bands(band), |(first, rows)| {

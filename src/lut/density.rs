@@ -7,7 +7,7 @@ use super::footprint::{Coordinates, Sides, check_sides};
 use crate::cpu::{Isa, for_each_isa};
 use crate::error::Result;
 use crate::kernels::FRACTION_BITS;
-use crate::parallel;
+use crate::parallel::{self, Work};
 use crate::table::Table;
 use crate::view::buffer;
 
@@ -52,7 +52,7 @@ impl Lut {
     ) -> Result<()> {
         check_sides(self.source_size())?;
         let (rows, columns) = (self.rows(), self.columns());
-        let (isa, threads) = (Isa::active()?, parallel::num_threads());
+        let (isa, threads) = (Isa::active()?, Work::table(rows * columns).threads_unasked());
         let band_rows = parallel::rows_per_band(rows, columns, threads);
         let bands = values.chunks_mut(N * columns * band_rows).enumerate();
         parallel::for_each(threads, bands, |(band, values)| {

@@ -6,6 +6,7 @@
 
 mod crew;
 mod interrupt;
+mod policy;
 mod pool;
 
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -13,6 +14,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 pub(crate) use interrupt::check_interrupt;
 pub use interrupt::interruptible;
+pub(crate) use policy::{Work, rows_per_band};
 
 use crate::error::{Error, Result};
 use crew::Crew;
@@ -130,19 +132,6 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// How many rows make a band: several bands for each thread, so that they even out and the last one is short, and none
-/// too small to be worth handing out (50 ns against the 2 us or more of so many cells). With 8 bands for each of two
-/// threads the seed job took 0.19 ms at best, with 4 or 2 it took 0.21 to 0.23, with 32 no less; one thread: 0.32.
-/// None is so large that whoever interrupts the call waits: a cell of `mode` or `area` takes up to 100 ns.
-pub(crate) fn rows_per_band(rows: usize, columns: usize, threads: usize) -> usize {
-    const BANDS_PER_THREAD: usize = 8;
-    const FEWEST_CELLS: usize = 4096;
-    const MOST_CELLS: usize = 1 << 18;
-    let even = rows.div_ceil(threads.saturating_mul(BANDS_PER_THREAD));
-    let (fewest, most) = (FEWEST_CELLS.div_ceil(columns.max(1)), MOST_CELLS / columns.max(1));
-    even.min(most).max(fewest).min(rows.max(1))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -197,16 +186,6 @@ mod tests {
             every_job_runs_once_whatever_the_threads();
             drop(held);
         });
-    }
-
-    #[test]
-    fn bands_cover_the_rows() {
-        for (rows, columns, threads) in [(1, 1, 1), (860, 800, 2), (3, 1_000_000, 64), (1_000_000, 1, 3)] {
-            let band = rows_per_band(rows, columns, threads);
-            assert!((1..=rows).contains(&band));
-            assert!(band == 1 || band * columns <= 1 << 18);
-        }
-        assert_eq!(rows_per_band(860, 800, 2), 54);
     }
 
     #[test]

@@ -20,7 +20,7 @@ use crate::error::{Error, Result};
 use crate::grid::BevGrid;
 use crate::ground::Ground;
 use crate::lut::Lut;
-use crate::parallel::{self, check_interrupt};
+use crate::parallel::check_interrupt;
 use crate::raster::{check_polygon, draw_polygon};
 use crate::view::{ImageMask, buffer};
 use gains::Overlap;
@@ -334,10 +334,4 @@ impl std::fmt::Debug for RigLut {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(f, "RigLut({} x {} cells of {} cameras)", self.rows(), self.columns(), self.cameras())
     }
-}
-
-/// Threads for work on so many cells.
-fn threads_for(cells: usize) -> usize {
-    const INLINE_CELLS: usize = 1 << 13;
-    if cells < INLINE_CELLS { 1 } else { parallel::num_threads() }
 }

@@ -4,11 +4,11 @@ use std::ops::Range;
 
 use super::pieces::{Builder, ONE, Pieces};
 use super::region::{Columns, Region, Sweep, numbers};
-use super::{BlendMode, MAX_CAMERAS, WHAT, threads_for};
+use super::{BlendMode, MAX_CAMERAS, WHAT};
 use crate::error::Result;
 use crate::grid::BevGrid;
 use crate::lut::{Lut, Resolution};
-use crate::parallel::{self, check_interrupt};
+use crate::parallel::{self, Work, check_interrupt};
 use crate::view::buffer;
 
 /// Weights of less than this share are left out: a camera that is hardly seen costs as much as another.
@@ -55,7 +55,7 @@ pub(super) fn pieces(views: &[View], grid: &BevGrid, blend: BlendMode, feather: 
 
 /// What `of` makes of each band of rows, from the top down.
 fn by_bands<T: Send>((rows, columns): (usize, usize), of: impl Fn(Range<usize>) -> Result<T> + Sync) -> Result<Vec<T>> {
-    let threads = threads_for(rows * columns);
+    let threads = Work::table(2 * rows * columns).threads_unasked();
     let band_rows = parallel::rows_per_band(rows, columns, threads);
     let bands = rows.div_ceil(band_rows);
     let mut made: Vec<Option<T>> = buffer::reserved(WHAT, bands)?;

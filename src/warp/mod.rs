@@ -18,7 +18,7 @@ use std::slice;
 use crate::error::{Error, Result};
 use crate::kernels::{CopyKernel, RowKernels, Source};
 use crate::lut::Lut;
-use crate::parallel;
+use crate::parallel::{self, Work};
 use crate::table::{Band, Span, SpanKind, Table};
 use crate::view::{ImageView, ImageViewMut, RowsMut, Sample, buffer};
 use nearest::NearestPixels;
@@ -172,7 +172,7 @@ fn run<T: Sample>(
     let shared = if images.len() > 1 { SHARED_CELLS.div_ceil(columns) } else { rows };
     let band_rows = even.min(shared).min(rows);
     if band_rows == rows {
-        let together = WarpOptions::<T>::images_together(rows * columns, channels).next_multiple_of(planes);
+        let together = Work::warp(rows * columns, channels * size_of::<T>()).pieces_together().next_multiple_of(planes);
         parallel::for_each(threads, outs.chunks_mut(together).enumerate(), |(job, outs)| {
             for (index, outs) in (job * together..).step_by(planes).zip(outs.chunks_mut(planes)) {
                 let mut outs = outs.iter_mut();

@@ -6,7 +6,7 @@ use super::Bilinear;
 use crate::cpu::Isa;
 use crate::error::{Error, Result};
 use crate::kernels::RowKernels;
-use crate::parallel;
+use crate::parallel::Work;
 use crate::view::buffer;
 use crate::view::{ImageView, Sample};
 
@@ -76,17 +76,6 @@ impl<T: Default> Default for WarpOptions<T> {
     }
 }
 
-/// Warps of less traffic than this run on the caller's thread alone. A helper begins 5 to 10 us after it was called, so
-/// two threads beat one where one takes more than about 20 us: measured at 220 kB of traffic for 8-bit bilinear with
-/// AVX-512 (0.05 ns a byte) and for nearest, at 150 kB for float32 of 3 and of 16 channels in scalar code (0.1 ns).
-const INLINE_TRAFFIC: usize = 1 << 18;
-
-/// Bytes that a cell moves, which is what its time goes with, whatever the dtype and the number of channels: those of
-/// the result, and a tap of the table. Its pixels come from the caches for the most part.
-fn traffic(pixel_bytes: usize) -> usize {
-    pixel_bytes + 8
-}
-
 impl<T: Copy> WarpOptions<T> {
     /// The instruction set to use, which this CPU can run.
     pub(super) fn isa(&self) -> Result<Isa> {
@@ -95,14 +84,7 @@ impl<T: Copy> WarpOptions<T> {
 
     /// How many threads to use for so many cells of so many channels.
     pub(crate) fn threads_for(&self, cells: usize, channels: usize) -> Result<usize> {
-        let threads = self.threads.unwrap_or_else(parallel::num_threads);
-        parallel::check_threads(threads)?;
-        Ok(if cells * traffic(channels * size_of::<T>()) < INLINE_TRAFFIC { 1 } else { threads })
-    }
-
-    /// How many images of so many cells and channels are enough work to be handed to a thread at once.
-    pub(super) fn images_together(cells: usize, channels: usize) -> usize {
-        (INLINE_TRAFFIC / 8).div_ceil(cells * traffic(channels * size_of::<T>()))
+        Work::warp(cells, channels * size_of::<T>()).threads(self.threads)
     }
 
     /// Whether there is a border value for each channel of the images; or, for images of one channel, for each plane.

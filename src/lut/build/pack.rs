@@ -6,7 +6,7 @@ use std::ops::Range;
 use crate::cpu::Isa;
 use crate::error::Result;
 use crate::kernels::{Kinds, Row, Sampled, quantise_one};
-use crate::parallel;
+use crate::parallel::{self, Work};
 use crate::table::{RowEnd, RowSpans, SpanKind, Table, Tap, band_rows, framed};
 use crate::view::buffer;
 
@@ -81,7 +81,7 @@ impl Table {
         fill: impl Fn(usize, &mut [f64], &mut [f64]) -> Result<Range<usize>> + Sync,
     ) -> Result<Self> {
         let mut table = Self::empty((rows, columns), source)?;
-        let threads = if rows * columns < INLINE_CELLS { 1 } else { parallel::num_threads() };
+        let threads = Work::table(rows * columns).threads_unasked();
         let band_rows = band_rows(columns);
         let jobs = table.bands_mut().enumerate();
         parallel::for_each(threads, jobs, |(band, (spans, room))| {
@@ -104,9 +104,6 @@ fn framed_tap(u: f64, v: f64, width: u32) -> Tap {
     let ((x, fx), (y, fy)) = (quantise_one(u), quantise_one(v));
     Tap { offset: framed(x, y, width), x: fx, y: fy }
 }
-
-/// Tables of fewer cells are built on the caller's thread: 16384 cells take about 15 us, and waking a helper 5 to 20.
-const INLINE_CELLS: usize = 1 << 14;
 
 #[cfg(test)]
 mod tests {

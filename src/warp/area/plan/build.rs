@@ -11,13 +11,10 @@ use super::{Band, BlockRow, BlockSpan, Plan};
 use crate::cpu::Isa;
 use crate::error::Result;
 use crate::lut::footprint::{Coordinates, check_sides};
-use crate::parallel;
+use crate::parallel::{self, Work};
 use crate::table::Table;
 use crate::table::block::{LANES, Size};
 use crate::view::buffer;
-
-/// Plans of fewer cells are made on the caller's thread.
-const INLINE_CELLS: usize = 1 << 14;
 
 /// What memory is asked for, in errors.
 const WHAT: &str = "area";
@@ -35,7 +32,7 @@ impl Plan {
         let (rows, columns) = (table.rows(), table.columns());
         let band_rows = BAND_CELLS.div_ceil(Size::MOST_ROWS * columns) * Size::MOST_ROWS;
         let mut jobs = buffer::collected(WHAT, (0..rows.div_ceil(band_rows)).map(|_| None))?;
-        let threads = if rows * columns < INLINE_CELLS { 1 } else { parallel::num_threads() };
+        let threads = Work::table(rows * columns).threads_unasked();
         parallel::for_each(threads, jobs.iter_mut().enumerate(), |(index, job)| {
             let first = index * band_rows;
             *job = Some(Builder::new(isa, table)?.run(first..(first + band_rows).min(rows))?);
