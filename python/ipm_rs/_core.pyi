@@ -920,6 +920,98 @@ class Camera:
             FileError, MissingFileError: the file cannot be read.
         """
     @staticmethod
+    def from_nerfstudio(
+        source: str | PathLike[str] | Mapping[str, Any],
+        *,
+        camera: str | int | None = None,
+        image_size: Sequence[int] | None = None,
+        vehicle_from_world: ArrayLike | None = None,
+        metres_per_unit: float = 1.0,
+        nearest_rotation: bool = False,
+    ) -> Camera:
+        """The camera of one frame of a `transforms.json` (nerfstudio, instant-ngp, NeRF synthetic); see `ipm_rs.calibration.nerfstudio.read`.
+
+        Args:
+            source: the file, or its content.
+            camera: the frame's `file_path` or its number from 0; needed if there is more than one.
+            image_size: (width, height); needed if the file lacks `w` and `h`, and must agree if it has them.
+            vehicle_from_world: (4, 4) pose of the file's world, in metres, in the vehicle frame.
+            metres_per_unit: length of the world's unit.
+            nearest_rotation: take the nearest rotation for one that is off by up to 3e-2, as three printed digits leave it.
+
+        Raises:
+            CalibrationError: a key is missing, a value cannot be right, or the lens has no model here.
+            ArgumentError, ArgumentTypeError: an argument is wrong.
+            FileError, MissingFileError: the file cannot be read.
+        """
+    @staticmethod
+    def from_open3d(
+        source: str | PathLike[str] | Mapping[str, Any],
+        *,
+        camera: str | int | None = None,
+        image_size: Sequence[int] | None = None,
+        vehicle_from_world: ArrayLike | None = None,
+        nearest_rotation: bool = False,
+    ) -> Camera:
+        """A camera of Open3D's JSON files; see `ipm_rs.calibration.open3d.read`.
+
+        Args:
+            source: the file, or its content.
+            camera: number from 0 in a trajectory.
+            image_size: (width, height); must agree with the file.
+            vehicle_from_world: (4, 4) pose of the world of `extrinsic` in the vehicle frame.
+            nearest_rotation: take the nearest rotation for one that is off by up to 3e-2, as three printed digits leave it.
+
+        Raises:
+            CalibrationError: a key is missing or its value cannot be right.
+            ArgumentError, ArgumentTypeError: an argument is wrong.
+            FileError, MissingFileError: the file cannot be read.
+        """
+    @staticmethod
+    def from_depthai(
+        source: str | PathLike[str] | Mapping[str, Any],
+        *,
+        camera: str | int | None = None,
+        image_size: Sequence[int] | None = None,
+        vehicle_from_base: ArrayLike | None = None,
+        nearest_rotation: bool = False,
+    ) -> Camera:
+        """One camera of DepthAI's calibration of an OAK device; see `ipm_rs.calibration.depthai.read`.
+
+        Args:
+            source: the file, or its content.
+            camera: its socket, 0, 1, 2 or "CAM_A", "CAM_B", "CAM_C"; needed if more than one is calibrated.
+            image_size: (width, height); must agree with the file.
+            vehicle_from_base: (4, 4) pose in the vehicle frame of the camera at the end of the chain; without it that one
+                looks along +x.
+            nearest_rotation: take the nearest rotation for one that is off by up to 3e-2, as three printed digits leave it.
+
+        Raises:
+            CalibrationError: a key is missing, a value cannot be right, or the lens has no model here.
+            ArgumentError, ArgumentTypeError: an argument is wrong.
+            FileError, MissingFileError: the file cannot be read.
+        """
+    @staticmethod
+    def from_ocamcalib(
+        source: str | PathLike[str],
+        *,
+        image_size: Sequence[int] | None = None,
+        camera_from_vehicle: ArrayLike | None = None,
+        vehicle_from_camera: ArrayLike | None = None,
+    ) -> Camera:
+        """A camera of OCamCalib's `calib_results.txt`; see `ipm_rs.calibration.ocamcalib.read`.
+
+        Args:
+            source: the file.
+            image_size: (width, height); must agree with the file.
+            camera_from_vehicle, vehicle_from_camera: (4, 4) pose in either direction; without it the camera looks along +x.
+
+        Raises:
+            CalibrationError: a row is missing or cannot be right.
+            ArgumentError, ArgumentTypeError: an argument is wrong.
+            FileError, MissingFileError: the file cannot be read.
+        """
+    @staticmethod
     def load(
         path: str | PathLike[str],
         image_size: Sequence[int] | None = None,

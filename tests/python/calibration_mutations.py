@@ -25,7 +25,7 @@ from ipm_rs import errors
 
 ODD = getattr(ipm_rs, "CalibrationWarning", None)
 SHARED = Path(__file__).parents[3] / "shared" / "data"
-LINES = ("camodocal", "orbslam")  # YAML whose last line may be a number
+LINES = ("camodocal", "orbslam", "ocamcalib")  # whose last line may be a number
 NUMBER = re.compile(rb"[-+]?[0-9]+(?:\.[0-9]*)?(?:[eE][-+]?[0-9]+)?")
 WORD = re.compile(rb"[A-Za-z_][A-Za-z_0-9]{1,}")
 NUMBERS = (

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from calibration_datasets import DATASETS
 from calibration_sample import Sample, as_json
-from calibration_tools import TOOLS
+from calibration_tools import COLMAP_BINARY, TOOLS
 
 SAMPLES: dict[str, Sample] = {**DATASETS, **TOOLS}
 
@@ -239,4 +239,5 @@ SAMPLES |= {
     "woodscape": Sample("woodscape", {"00001_FV.json": as_json(WOODSCAPE)}),
     "matlab": Sample("matlab", {"sensor.json": as_json(MATLAB)}),
     "colmap": Sample("colmap", {"cameras.txt": COLMAP_CAMERAS}, options={"camera": 2}),
+    "colmap binary": Sample("colmap", {"cameras.bin": COLMAP_BINARY}, options={"camera": 3}),
 }

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import struct
+
 from calibration_sample import Sample, as_json
 
 OPENCV_HEADER = b"%YAML:1.0\n---\n"
@@ -244,6 +246,145 @@ Camera.fps: 30.0
 ORBextractor.nFeatures: 1000
 """
 
+# A car's camera 1.4 m above the road, 0.2 rad down and 0.3 to the left, with OpenGL's axes.
+NERFSTUDIO = {
+    "w": 1920,
+    "h": 1080,
+    "fl_x": 1402.5,
+    "fl_y": 1399.0,
+    "cx": 957.0,
+    "cy": 544.5,
+    "k1": 0.0312,
+    "k2": -0.0521,
+    "p1": 0.0004,
+    "p2": -0.0007,
+    "camera_model": "OPENCV",
+    "applied_transform": [[0.0, 1.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0], [0.0, 0.0, -1.0, 0.0]],
+    "frames": [
+        {
+            "file_path": "images/frame_00001.png",
+            "transform_matrix": [[0.0, 0.28, -0.96, 2.0], [-1.0, 0.0, 0.0, -1.0], [0.0, 0.96, 0.28, 1.4], [0, 0, 0, 1]],
+            "colmap_im_id": 1,
+        },
+        {
+            "file_path": "images/frame_00002.png",
+            "transform_matrix": [[0.0, 0.28, -0.96, 3.1], [-1.0, 0.0, 0.0, -1.1], [0.0, 0.96, 0.28, 1.4], [0, 0, 0, 1]],
+            "colmap_im_id": 2,
+        },
+    ],
+}
+BLENDER = {
+    "camera_angle_x": 0.6911112070083618,
+    "frames": [
+        {
+            "file_path": "./train/r_0",
+            "rotation": 0.012566370614359171,
+            "transform_matrix": [[0.0, 0.28, -0.96, 2.0], [-1.0, 0.0, 0.0, -1.0], [0.0, 0.96, 0.28, 1.4], [0, 0, 0, 1]],
+        }
+    ],
+}
+
+OPEN3D = {"width": 640, "height": 480, "intrinsic_matrix": [571.5, 0, 0, 0, 570.25, 0, 317.5, 241.5, 1]}
+OPEN3D_TRAJECTORY = {
+    "class_name": "PinholeCameraTrajectory",
+    "parameters": [
+        {
+            "class_name": "PinholeCameraParameters",
+            "extrinsic": [1, 0, 0, 0, 0, 0.96, 0.28, 0, 0, -0.28, 0.96, 0, x, 0.2, 0.3, 1],
+            "intrinsic": OPEN3D,
+            "version_major": 1,
+            "version_minor": 0,
+        }
+        for x in (0.0, 0.1)
+    ],
+    "version_major": 1,
+    "version_minor": 0,
+}
+
+
+def _oak(extrinsics: dict, width: int, height: int, K: list, D: list, kind: int = 0) -> dict:
+    return {
+        "cameraType": kind,
+        "distortionCoeff": D,
+        "extrinsics": extrinsics,
+        "height": height,
+        "intrinsicMatrix": K,
+        "lensPosition": 0,
+        "specHfovDeg": 71.86,
+        "width": width,
+    }
+
+
+def _oak_pose(x: float, target: int) -> dict:
+    turn = [[0.96, 0.0, 0.28], [0.0, 1.0, 0.0], [-0.28, 0.0, 0.96]]
+    spec = {"x": -7.5, "y": 0.0, "z": 0.0}
+    return {
+        "rotationMatrix": turn, "specTranslation": spec, "toCameraSocket": target,
+        "translation": {"x": x, "y": 0.03, "z": 0.04},
+    }  # fmt: skip
+
+
+OAK_BROWN = [-1.27, -12.7, 0.0008, -0.0012, 74.5, -1.41, -12.1, 72.6, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]
+OAK = {
+    "boardName": "DM9098",
+    "boardRev": "R4M1E3",
+    "cameraData": [
+        [1, _oak(_oak_pose(-7.56, 2), 1280, 800, [[799.7, 0.0, 662.9], [0.0, 799.4, 382.2], [0, 0, 1]], OAK_BROWN)],
+        [2, _oak(_oak_pose(3.79, 0), 1280, 800, [[802.1, 0.0, 640.5], [0.0, 801.9, 397.3], [0, 0, 1]], OAK_BROWN)],
+        [
+            0,
+            _oak(
+                {"rotationMatrix": [], "toCameraSocket": -1, "translation": {"x": 0.0, "y": 0.0, "z": 0.0}}, 1280, 720,
+                [[1010.5, 0.0, 640.2], [0.0, 1009.8, 361.7], [0, 0, 1]], [0.01, -0.002, 0.0003, -0.0001], kind=1,
+            ),
+        ],
+    ],
+    "stereoRectificationData": {"leftCameraSocket": 1, "rightCameraSocket": 2, "rectifiedRotationLeft": []},
+    "version": 7,
+}  # fmt: skip
+
+OCAM = b"""#polynomial coefficients for the DIRECT mapping function (ocam_model.ss in MATLAB)
+
+ 5 -1.790000e+02 0.000000e+00 1.530000e-03 -2.400000e-06 9.100000e-09
+
+#polynomial coefficients for the inverse mapping function (ocam_model.invpol in MATLAB)
+
+ 6 291.0 162.0 -5.0 15.0 3.5 1.25
+
+#center: "row" and "column", starting from 0 (C convention)
+
+ 388.25 521.5
+
+#affine parameters "c", "d", "e"
+
+ 1.000150 0.000080 -0.000210
+
+#image size: "height" and "width"
+
+ 768 1024
+
+"""
+OCAM_INVERSE = b"""# polynomial, inverse polynomial, centre, affine, size
+0
+12 323.8265 220.1402 -12.7813 13.3857 37.0089 -3.6102 -9.3902 8.5561 3.6315 -1.0591 0.8942 0.6238
+383.5 511.5
+1.0 0.0 0.0
+768 1024
+"""
+
+COLMAP_BINARY = struct.pack(
+    "<QiiQQ8d", 2, 3, 4, 1600, 1200, 1260.5, 1258.0, 803.5, 596.0, -0.06, 0.021, 0.0003, -0.0005
+)
+COLMAP_BINARY += struct.pack("<iiQQ4d", 7, 1, 640, 480, 500.5, 501.0, 320.0, 240.25)
+COLMAP_BINARY_IMAGES = (
+    struct.pack("<Qi7di", 2, 11, 0.5, 0.5, -0.5, 0.5, 0.25, 1.5, -0.75, 3)
+    + b"left/frame 1.jpg\0"
+    + struct.pack("<QddqddQ", 2, 10.5, 20.25, 7, 30.0, 40.0, 2**64 - 1)
+    + struct.pack("<i7di", 12, 0.6, 0.0, 0.8, 0.0, 0.1, 0.2, 0.3, 7)
+    + b"right.jpg\0"
+    + struct.pack("<Q", 0)
+)
+
 TOOLS = {
     "camodocal": Sample("camodocal", {"cam0.yaml": CAMODOCAL}),
     "camodocal mei": Sample("camodocal", {"image_02.yaml": CAMODOCAL_MEI}),
@@ -261,4 +402,15 @@ TOOLS = {
     "basalt": Sample("basalt", {"calibration.json": as_json(BASALT)}, options={"camera": 1}),
     "orbslam": Sample("orbslam", {"EuRoC.yaml": ORB_SLAM3}, options={"camera": 2}),
     "orbslam 2": Sample("orbslam", {"TUM1.yaml": ORB_SLAM2}),
+    "nerfstudio": Sample(
+        "nerfstudio", {"transforms.json": as_json(NERFSTUDIO)}, options={"camera": "images/frame_00001.png"}
+    ),
+    "nerfstudio blender": Sample(
+        "nerfstudio", {"transforms_train.json": as_json(BLENDER)}, options={"image_size": (800, 600)}
+    ),
+    "open3d": Sample("open3d", {"intrinsic.json": as_json(OPEN3D)}),
+    "open3d trajectory": Sample("open3d", {"trajectory.json": as_json(OPEN3D_TRAJECTORY)}, options={"camera": 1}),
+    "depthai": Sample("depthai", {"depthai_calib.json": as_json(OAK)}, options={"camera": 1}),
+    "ocamcalib": Sample("ocamcalib", {"calib_results.txt": OCAM}),
+    "ocamcalib inverse": Sample("ocamcalib", {"calib_inverse.txt": OCAM_INVERSE}),
 }

@@ -10,25 +10,6 @@ import json
 OPENCV_HEADER = "%YAML:1.0\n---\n"
 POSE = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]
 
-DEPTHAI = {
-    "boardName": "OAK",
-    "cameraData": [
-        [
-            0,
-            {
-                "width": 1280,
-                "height": 800,
-                "intrinsicMatrix": [[795.5, 0, 645], [0, 794, 402], [0, 0, 1]],
-                "distortionCoeff": [0.4, -0.6, 0, 0, 0.2],
-            },
-        ]
-    ],
-}
-NERFSTUDIO = {
-    "w": 1920, "h": 1080, "fl_x": 1402.5, "fl_y": 1399.0, "cx": 957.0, "cy": 544.5, "k1": 0.03, "k2": -0.05,
-    "camera_model": "OPENCV", "frames": [{"file_path": "a.png", "transform_matrix": POSE}],
-}  # fmt: skip
-OPEN3D = {"width": 640, "height": 480, "intrinsic_matrix": [571.5, 0, 0, 0, 570.25, 0, 317.5, 241.5, 1]}
 WAYMO_SHAPED = {"extrinsic": POSE, "width": 1280, "height": 720}
 HOMOGRAPHY = OPENCV_HEADER + (
     "H: !!opencv-matrix\n   rows: 3\n   cols: 3\n   dt: d\n"
@@ -36,9 +17,6 @@ HOMOGRAPHY = OPENCV_HEADER + (
 )
 
 FOREIGN: dict[str, tuple[str, str, str]] = {
-    "DepthAI": ("oak.json", json.dumps(DEPTHAI), "opencv"),
-    "nerfstudio": ("transforms.json", json.dumps(NERFSTUDIO), ""),
-    "Open3D": ("intrinsic.json", json.dumps(OPEN3D), "opencv"),
     "matrix by rows, as Waymo never has it": (
         "camera.json",
         json.dumps({"intrinsic": [[700, 0, 640], [0, 700, 360], [0, 0, 1]], **WAYMO_SHAPED}),

@@ -53,6 +53,9 @@ FORMATS: tuple[str, ...] = (
     "woodscape",
     "matlab",
     "basalt",
+    "nerfstudio",
+    "open3d",
+    "depthai",
     "kalibr",
     "euroc",
     "ncamera",
@@ -62,6 +65,7 @@ FORMATS: tuple[str, ...] = (
     "ros",
     "opencv",
     "colmap",
+    "ocamcalib",
 )
 """Names of the formats, in the order in which they are tried; each is a module here and a ``Camera.from_<name>``."""
 

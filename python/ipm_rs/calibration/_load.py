@@ -40,6 +40,8 @@ _WITHOUT = {
 # A file that is written otherwise than a format is not near to it, whatever its keys.
 _OTHER_FORMS = ("not JSON", NOT_ROS)
 
+_MOST_LINES = 9  # of what an unknown file lacks: more are not read
+
 _KEY = re.compile(r"^\s*[\w.-]+\s*:", re.MULTILINE)
 
 _log = logging.getLogger("ipm_rs.calibration")
@@ -98,7 +100,11 @@ def _tried(document: Document, lacking: dict[str, str]) -> str:
     for name in sorted(FORMATS, key=lambda name: (lacking[name] in _OTHER_FORMS, -near[name])):
         far = not document.is_directory and bool(document.keys) and not near[name]  # what each lacks is then no help
         lines.setdefault("none of its keys" if far else lacking[name], []).append(name)
-    return "".join(f"\n  {', '.join(names)}: {lacks}" for lacks, names in lines.items())
+    told = [(", ".join(names), lacks) for lacks, names in lines.items()]
+    if len(told) > _MOST_LINES:
+        others = ", ".join(names for names, _ in told[_MOST_LINES - 1 :])
+        told = [*told[: _MOST_LINES - 1], (others, "lacks more")]
+    return "".join(f"\n  {names}: {lacks}" for names, lacks in told)
 
 
 def _spelled_keys(name: str) -> set[str]:

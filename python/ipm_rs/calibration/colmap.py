@@ -1,4 +1,4 @@
-"""COLMAP text models: ``cameras.txt``, and ``images.txt`` for poses.
+"""COLMAP models, text or binary: ``cameras.txt`` or ``cameras.bin``, and ``images.txt`` or ``images.bin`` for poses.
 
 The format, after COLMAP's documentation and ``sensor/models.h``:
 
@@ -37,6 +37,7 @@ from ipm_rs.calibration._checks import (
     rigid,
 )
 from ipm_rs.calibration._checks import image_size as checked_size
+from ipm_rs.calibration._colmapbin import camera_words, image_words, is_cameras
 from ipm_rs.calibration._files import Document, open_document, same_size
 from ipm_rs.calibration._mount import metric, rigid_argument
 from ipm_rs.calibration._yaml import scalar
@@ -74,6 +75,8 @@ def missing(document: Document) -> str | None:
     """Say what a document lacks to be of this format; None if nothing."""
     if document.is_directory:
         return "a directory"
+    if is_cameras(document.data):
+        return None
     rows = _rows(document.text[:_HEAD])
     known = (*_MODELS, *_WITHOUT)
     return None if rows and len(rows[0][1]) > 4 and rows[0][1][1] in known else "no line CAMERA_ID MODEL WIDTH HEIGHT"
@@ -81,7 +84,7 @@ def missing(document: Document) -> str | None:
 
 def cameras(document: Document) -> list[str]:
     """Name the cameras that a document of this format holds, as `camera=` takes them."""
-    return [words[0] for _, words in _rows(document.text) if words]
+    return list(_cameras(document))
 
 
 @np.errstate(over="ignore", invalid="ignore")  # what becomes infinite, the camera refuses
@@ -96,16 +99,16 @@ def read(
     metres_per_unit: float = 1.0,
     nearest_rotation: bool = False,
 ) -> Camera:
-    """Read one camera of a COLMAP text model.
+    """Read one camera of a COLMAP model.
 
     Parameters
     ----------
     source : str or path
-        ``cameras.txt``.
+        ``cameras.txt`` or ``cameras.bin``.
     camera : int, optional
         CAMERA_ID; needed if the file holds more than one and no image is chosen.
     images : str or path, optional
-        ``images.txt``, for the pose.
+        ``images.txt`` or ``images.bin``, for the pose.
     image : int or str, optional
         IMAGE_ID or NAME of the image in `images`; needed if there is more than one.
     image_size : (int, int), optional
@@ -146,8 +149,8 @@ def read(
         raise ArgumentError(
             "image, vehicle_from_world: expected images= with them, got None; pass the path of images.txt"
         )
-    line, words = _choose_camera(document, camera)
-    where = f"{document.origin}: line {line}"
+    place, words = _choose_camera(document, camera)
+    where = f"{document.origin}: {place}"
     model = words[1]
     if model == "FOV" and words[8:] and not any(scalar(word) for word in words[8:]):
         model = "PINHOLE"  # fx fy cx cy omega: with an angle of 0 it bends nothing
@@ -193,25 +196,35 @@ def _value(words: list[str]) -> Any:
     return scalar(words[0]) if words else None
 
 
-def _choose_camera(document: Document, camera: int | str | None) -> tuple[int, list[str]]:
-    cameras: dict[str, tuple[int, list[str]]] = {}
-    if document.data.count(b"\n") > _MOST_LINES:
+def _cameras(document: Document) -> dict[str, tuple[str, list[str]]]:
+    """Place and words of every camera by its CAMERA_ID."""
+    if is_cameras(document.data):
+        rows = camera_words(document.data, document.origin)
+    elif document.data.count(b"\n") > _MOST_LINES:
         raise CalibrationError(
             f"{document.origin}: expected at most {_MOST_LINES} lines, got more; pass cameras.txt, the text model"
         )
-    for line, words in _rows(document.text):
+    else:
+        rows = [(f"line {line}", words) for line, words in _rows(document.text)]
+    cameras: dict[str, tuple[str, list[str]]] = {}
+    for place, words in rows:
         if len(words) < 2:
             raise CalibrationError(
-                f"{document.origin}: line {line}: expected CAMERA_ID MODEL WIDTH HEIGHT PARAMS, got one word; "
+                f"{document.origin}: {place}: expected CAMERA_ID MODEL WIDTH HEIGHT PARAMS, got one word; "
                 "the file may be cut short, fetch it again"
             )
         if words[0] in cameras:
             raise CalibrationError(
-                f"{document.origin}: line {line}: expected every camera once, got {words[0]!r:.40} again; keep one"
+                f"{document.origin}: {place}: expected every camera once, got {words[0]!r:.40} again; keep one"
             )
-        cameras[words[0]] = line, words
+        cameras[words[0]] = place, words
+    return cameras
+
+
+def _choose_camera(document: Document, camera: int | str | None) -> tuple[str, list[str]]:
+    cameras = _cameras(document)
     if not cameras:
-        raise CalibrationError(f"{document.origin}: expected a camera, found none; pass cameras.txt, the text model")
+        raise CalibrationError(f"{document.origin}: expected a camera, found none; pass cameras.txt or cameras.bin")
     if camera is None and len(cameras) == 1:
         return next(iter(cameras.values()))
     if str(camera) not in cameras:
@@ -221,29 +234,36 @@ def _choose_camera(document: Document, camera: int | str | None) -> tuple[int, l
     return cameras[str(camera)]
 
 
+def _images(document: Document) -> list[tuple[str, list[str]]]:
+    """Place and words of every image."""
+    if b"\0" in document.data[:8]:  # the count; text has none
+        return image_words(document.data, document.origin)
+    # Every second line lists points, and is empty for an image without any: comments go, empty lines count.
+    lines = [(index, line) for index, line in enumerate(document.text.split("\n"), 1) if not line.startswith("#")]
+    return [(f"line {index}", line.split(None, 9)) for index, line in lines[::2] if line.strip()]
+
+
 def _choose_image(
     document: Document, image: int | str | None, camera: int | str | None, nearest: bool
 ) -> tuple[int | str, Matrix]:
     """CAMERA_ID and (4, 4) camera_from_world of an image."""
-    # Every second line lists points, and is empty for an image without any: comments go, empty lines count.
-    lines = [(index, line) for index, line in enumerate(document.text.split("\n"), 1) if not line.startswith("#")]
-    heads = [(index, line.split(None, 9)) for index, line in lines[::2] if line.strip()]
+    heads = _images(document)
     found = []
-    for index, words in heads:
+    for place, words in heads:
         if len(words) != 10:
             raise CalibrationError(
-                f"{document.origin}: line {index}: expected IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME, got "
+                f"{document.origin}: {place}: expected IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME, got "
                 f"{len(words)} words; pass images.txt, the text model"
             )
         if image is None or str(image) in (words[0], words[9].strip()):
-            found.append((index, words))
+            found.append((place, words))
     if len(found) != 1:
         names = listed([words[9].strip() for _, words in heads])
         raise ArgumentError(
             f"{document.origin}: image: expected one of {names}, got {image!r:.60}; say which image's pose to take"
         )
-    index, words = found[0]
-    where = f"{document.origin}: line {index}"
+    place, words = found[0]
+    where = f"{document.origin}: {place}"
     if camera is not None and str(camera) != words[8]:
         raise ArgumentError(
             f"{where}: camera: expected {words[8]!r:.40}, the image's own, got {camera!r:.60}; leave it out"
