@@ -66,7 +66,7 @@ from ipm_rs.errors import (
     OutOfMemoryError,
 )
 from ipm_rs.layers import Layers
-from ipm_rs.rig import Rig, RigLut
+from ipm_rs.rig import Bowl, Rig, RigLut
 
 if TYPE_CHECKING:
     from ipm_rs import pointfile, reference, streams
@@ -75,6 +75,7 @@ __all__ = [
     "ArgumentError",
     "ArgumentTypeError",
     "BevGrid",
+    "Bowl",
     "BrownConrady",
     "CalibrationError",
     "CalibrationWarning",

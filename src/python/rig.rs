@@ -89,6 +89,11 @@ impl PyRigTable {
         PyArray1::from_vec(py, mask).reshape(self.shape())
     }
 
+    fn seen<'py>(&self, py: Python<'py>, camera: usize) -> PyResult<Bound<'py, PyArray2<bool>>> {
+        let seen = detached::run(py, || self.lut.seen(camera))?;
+        PyArray1::from_vec(py, seen).reshape(self.shape())
+    }
+
     fn source<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<i16>>> {
         let source = detached::run(py, || self.lut.source())?;
         PyArray1::from_vec(py, source).reshape(self.shape())

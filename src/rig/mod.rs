@@ -169,6 +169,22 @@ impl RigLut {
         buffer::collected(WHAT, source.into_iter().map(|camera| camera >= 0))
     }
 
+    /// Which cells a camera sees, by its place in the rig, whether or not another one shows them: not those that are excluded
+    /// or where its mask hides the road.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
+    pub fn seen(&self, camera: usize) -> Result<Vec<bool>> {
+        let region = &self.seen[self.table_of(camera)];
+        let mut seen = buffer::filled(WHAT, self.rows() * self.columns(), false)?;
+        for (row, cells) in seen.chunks_mut(self.columns()).enumerate() {
+            for &(first, end) in region.row(row) {
+                cells[first as usize..end as usize].fill(true);
+            }
+        }
+        Ok(seen)
+    }
+
     /// The weight of a camera in each cell, from 0 to 1, by its place in the rig. Those of a cell sum to 1.
     ///
     /// # Errors

@@ -47,6 +47,7 @@ ROADS: list[Any] = [
 ]
 LUTS = [ipm_rs.Lut(camera, grid) for camera in CAMERAS[:3] for grid in GRIDS]
 RIG = ipm_rs.Rig({"front": CAMERAS[1], "left": CAMERAS[0], "back": CAMERAS[5]})
+BOWL = ipm_rs.Bowl(5)
 RIG_LUTS = [ipm_rs.RigLut(RIG, grid, blend=blend) for grid, blend in zip(GRIDS, ("best", "feather"), strict=False)]
 FILES = ("cloud.bin", "cloud.npy", "cloud.ply", "cloud.pcd")
 
@@ -321,6 +322,13 @@ RECIPES: dict[str, Callable[[Values], tuple[Callable[..., Any], Arguments]]] = {
         ipm_rs.Lut.load,
         {"path": v.folder / "front.ipmlut", "expect": (CAMERAS[0], GRIDS[0]), "source_size": (WIDTH, HEIGHT)},
     ),
+    "RigLut.agreement": lambda v: (
+        v.rng.choice(RIG_LUTS).agreement,
+        {"images": v.rig_images("u1 f4"), "farthest": 0.5},
+    ),
+    "Bowl": _with(ipm_rs.Bowl, lambda v: {"flat": 4.0, "radius": 3.0, "center": (1.0, 0.0), "steepest": 50}),
+    "Bowl.height_at": lambda v: (BOWL.height_at, {"xy": np.arange(18.0).reshape(9, 2)}),
+    "Bowl.height_map": lambda v: (BOWL.height_map, {"grid": GRIDS[0]}),
     "Rig.save": lambda v: (RIG.save, {"path": v.folder / "rig-written.json"}),
     "Rig.load": lambda v: (ipm_rs.Rig.load, {"path": v.folder / "rig.json"}),
     "remap": _remap,
@@ -370,7 +378,7 @@ RECIPES: dict[str, Callable[[Values], tuple[Callable[..., Any], Arguments]]] = {
         ipm_rs.Layers, lambda v: {"layers": {"max": np.zeros((2, 2))}, "inside": 1, "outside": 2, "ignored": 3}
     ),
 }
-OBJECTS = [*CAMERAS, *GRIDS, *ROADS[2:], *LUTS, *LENSES.values(), ipm_rs.PixelRays(CAMERAS[1]), RIG, *RIG_LUTS]
+OBJECTS = [BOWL, *CAMERAS, *GRIDS, *ROADS[2:], *LUTS, *LENSES.values(), ipm_rs.PixelRays(CAMERAS[1]), RIG, *RIG_LUTS]
 SKIPPED = {
     "Camera.load",
     "Camera.load_all",

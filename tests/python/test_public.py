@@ -48,7 +48,8 @@ MEMBERS = {
     "PixelRays": "camera nbytes",
     "Layers": "",
     "Rig": "cameras subset moved to_json save load",
-    "RigLut": "rig grid ground shape nbytes mask source weights warp without gains",
+    "RigLut": "rig grid ground shape nbytes mask source weights warp without gains agreement",
+    "Bowl": "flat radius center height steepest height_at height_map",
 }
 BASES = {
     "IpmError": (Exception,),

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, NoReturn, TypeAlias, TypeVar
 
@@ -78,6 +79,11 @@ def add_camera(group: argparse._ArgumentGroup) -> None:
         type=name,
         help="which camera, where the calibration holds several: a name or a number",
     )
+    add_reading(group)
+
+
+def add_reading(group: argparse._ArgumentGroup) -> None:
+    """Add the arguments that say how a calibration is to be read, whichever camera of it."""
     group.add_argument(
         "--lens",
         choices=("brown_conrady", "fisheye", "omnidir", "pinhole"),
@@ -120,16 +126,31 @@ _HERE = {
 
 def load_camera(args: argparse.Namespace, image_size: tuple[int, int] | None) -> ipm_rs.Camera:
     """Read the calibration that is named on the command line."""
+    with _advising(args):
+        return ipm_rs.Camera.load(args.calibration, image_size, args.camera, **_reading(args))
+
+
+def load_rig(args: argparse.Namespace, image_size: tuple[int, int] | None) -> ipm_rs.Rig:
+    """Read all cameras of the calibration that is named on the command line."""
+    with _advising(args):
+        return ipm_rs.Rig.load(args.rig, image_size=image_size, **_reading(args))
+
+
+def _reading(args: argparse.Namespace) -> dict[str, Any]:
+    """Return what `add_reading` added, as `Camera.load` takes it."""
+    return {
+        "lens": args.lens,
+        "frame": args.vehicle_frame,
+        "metres_per_unit": args.metres_per_unit,
+        "nearest_rotation": args.nearest_rotation,
+    }
+
+
+@contextlib.contextmanager
+def _advising(args: argparse.Namespace) -> Iterator[None]:
+    """Say which option of the command line an error of a reader means."""
     try:
-        return ipm_rs.Camera.load(
-            args.calibration,
-            image_size=image_size,
-            camera=args.camera,
-            lens=args.lens,
-            frame=args.vehicle_frame,
-            metres_per_unit=args.metres_per_unit,
-            nearest_rotation=args.nearest_rotation,
-        )
+        yield
     except (ArgumentError, CalibrationError) as error:
         last = str(error).rpartition("; ")[2]
         here = next((option for word, option in _HERE.items() if word in last), None)
@@ -149,12 +170,13 @@ def load_camera_sized(args: argparse.Namespace) -> ipm_rs.Camera:
         raise
 
 
-def add_grid(command: Parser, sampling: str | None = None) -> argparse._ArgumentGroup:
+def add_grid(
+    command: Parser, sampling: str | None = None, x: tuple[float, float] = (7.0, 50.0)
+) -> argparse._ArgumentGroup:
     """Add the arguments of a `BevGrid`, and return their group; `sampling` says what --sample-at does, if it is one."""
     grid = command.add_argument_group("grid")
-    grid.add_argument(
-        "--x", metavar=("MIN", "MAX"), nargs=2, type=real, default=[7.0, 50.0], help="metres forward (default: 7 50)"
-    )
+    forward = f"metres forward (default: {x[0]:g} {x[1]:g})"
+    grid.add_argument("--x", metavar=("MIN", "MAX"), nargs=2, type=real, default=list(x), help=forward)
     grid.add_argument(
         "--y", metavar=("MIN", "MAX"), nargs=2, type=real, default=[-10.0, 10.0], help="metres left (default: -10 10)"
     )

@@ -12,6 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 from ipm_rs._arguments import array_of, names_of
 from ipm_rs._core import BevGrid, Camera, HeightMap, Plane, _RigTable
 from ipm_rs.errors import ArgumentError, ArgumentTypeError
+from ipm_rs.rig._agreement import Agreement, PairView, pair_views
+from ipm_rs.rig._bowl import Bowl
 from ipm_rs.rig._cameras import Rig, check_names
 
 __all__ = ["RigLut"]
@@ -34,8 +36,8 @@ class RigLut:
         The cameras.
     grid : BevGrid
         The grid on the road.
-    ground : float, Plane or HeightMap
-        The road, as for `Lut`.
+    ground : float, Plane, HeightMap or Bowl
+        The road, as for `Lut`, or a bowl around the car.
     masks : mapping of str to (H, W) array, optional
         For some of the cameras, which pixels show the road, True or not 0, beside what their own masks hide
         (`Camera.masked`). The own bonnet, the rim of a fisheye's circle, mirrors. A cell whose footprint touches any
@@ -62,7 +64,7 @@ class RigLut:
         rig: Rig | Mapping[str, Camera],
         grid: BevGrid,
         *,
-        ground: float | Plane | HeightMap = 0.0,
+        ground: float | Plane | HeightMap | Bowl = 0.0,
         masks: Mapping[str, ArrayLike | None] | None = None,
         exclude: Sequence[ArrayLike] | ArrayLike | None = None,
         blend: Literal["best", "feather", "priority"] = "best",
@@ -87,13 +89,14 @@ class RigLut:
             "feather": feather,
         }
         self._left_out: dict[tuple[frozenset[str], Missing], RigLut] = {}
+        self._pairs: tuple[float, dict[tuple[str, str], PairView]] | None = None
         # whose table this is, without the cameras that are not in the list
         self._of: tuple[RigLut, list[str]] | None = None
         self._table = _RigTable(
             list(self._rig),
             list(self._rig.values()),
             grid,
-            ground=ground,
+            ground=_surface(ground, grid),
             masks=[given.get(name) for name in self._rig],
             exclude=self._options["exclude"],
             blend=blend,
@@ -111,8 +114,8 @@ class RigLut:
         return self._grid
 
     @property
-    def ground(self) -> float | Plane | HeightMap:
-        """The road."""
+    def ground(self) -> float | Plane | HeightMap | Bowl:
+        """The road, as it was given."""
         return self._ground
 
     @property
@@ -266,7 +269,7 @@ class RigLut:
             return RigLut(rig, self._grid, ground=self._ground, **options)
         fewer = RigLut.__new__(RigLut)
         fewer._rig, fewer._grid, fewer._ground = rig, self._grid, self._ground
-        fewer._options, fewer._left_out, fewer._of = options, {}, (self, left)
+        fewer._options, fewer._left_out, fewer._of, fewer._pairs = options, {}, (self, left), None
         fewer._table = self._table.without([k for k, name in enumerate(self._rig) if name not in left])
         return fewer
 
@@ -302,6 +305,45 @@ class RigLut:
         rows = None if previous is None else self._gain_rows("previous", previous)
         found = self._table.gains([given[name] for name in self._rig], rows)
         return dict(zip(self._rig, found, strict=True))
+
+    def agreement(self, images: Images, *, farthest: float = 0.5) -> dict[tuple[str, str], Agreement]:
+        """Measure how alike each pair of cameras shows the road that both see: what a wrong extrinsic looks like.
+
+        Where two cameras are posed right their pictures lie on each other: the shift is a small part of a cell, the
+        correlation high. What stands on the road, and a road that is not flat, move pictures too.
+
+        Parameters
+        ----------
+        images : mapping of str to array, or sequence
+            As for `warp`, (H, W) or (H, W, C); pairs of which one is missing are left out.
+        farthest : float
+            The largest shift that is looked for, metres along x and along y. Pictures are compared in cells of a tenth
+            of it, or the grid's if those are larger.
+
+        Returns
+        -------
+        dict of (str, str) to Agreement
+            For each pair that shares at least 64 cells that both resolve: difference, correlation, best shift.
+
+        Raises
+        ------
+        ImageError, DtypeError, ArgumentError, ArgumentTypeError
+            As for `warp`; `farthest` is no number above 0.
+        """
+        given = self._by_name(images)
+        reach = array_of("farthest", farthest)
+        if reach.shape != () or reach.dtype.kind not in "iuf" or not 0 < float(reach) <= 100:
+            raise ArgumentError(f"farthest: expected metres above 0, up to 100, got {farthest!r:.60}")
+        if self._pairs is None or self._pairs[0] != float(reach):
+            seen = {name: self._table.seen(place) for place, name in enumerate(self._rig)}
+            surface = _surface(self._ground, self._grid)
+            self._pairs = float(reach), pair_views(self._rig, seen, self._grid, surface, float(reach))
+        there = {name: image for name, image in given.items() if image is not None}
+        return {
+            pair: view.compare((there[pair[0]], there[pair[1]]))
+            for pair, view in self._pairs[1].items()
+            if pair[0] in there and pair[1] in there
+        }
 
     def _by_name(self, images: Images) -> dict[str, Any]:
         if isinstance(images, Mapping):
@@ -354,6 +396,11 @@ class RigLut:
         rows, columns = self.shape
         megabytes = self.nbytes / 1e6
         return f"RigLut({rows} rows x {columns} columns of {len(self._rig)} cameras, {megabytes:.2f} MB)"
+
+
+def _surface(ground: float | Plane | HeightMap | Bowl, grid: BevGrid) -> float | Plane | HeightMap:
+    """Return the road as the core knows it."""
+    return ground.height_map(grid) if isinstance(ground, Bowl) else ground
 
 
 def _check_missing(missing: Any) -> None:
