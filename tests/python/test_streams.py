@@ -15,6 +15,7 @@ from PIL import Image
 
 import ipm_rs
 from ipm_rs import errors, streams
+from ipm_rs.cli import main
 from ipm_rs.streams._ordered import ordered
 
 av = pytest.importorskip("av")
@@ -247,3 +248,66 @@ def test_errors_of_the_source_come_after_the_results_before_them_and_closing_end
     next(endless)
     endless.close()
     assert threading.active_count() == before
+
+
+GRID = ["--x", "2", "14", "--y", "-5", "5", "--resolution", "0.25", "0.5"]
+
+
+@pytest.fixture
+def calibration(tmp_path) -> str:
+    CAMERA.save(tmp_path / "camera.json")
+    return str(tmp_path / "camera.json")
+
+
+def test_the_command_takes_a_folder_and_goes_on(folder, tmp_path, calibration, capsys):
+    out = tmp_path / "bevs"
+    assert main(["warp", calibration, str(folder), "-o", str(out), "--jobs", "2", *GRID]) == 0
+    assert [line.split()[0] for line in capsys.readouterr().out.splitlines()] == [
+        str(out / f"{name}_bev.png") for name in ("1", "2", "10")
+    ]
+    (out / "2_bev.png").unlink()
+    stamp = (out / "1_bev.png").stat().st_mtime_ns
+    assert main(["warp", calibration, str(folder), "-o", str(out), *GRID]) == 2
+    assert "exists" in capsys.readouterr().err and not (out / "2_bev.png").exists()
+    assert main(["warp", calibration, str(folder), "-o", str(out), "--skip-existing", *GRID]) == 0
+    assert "1 images, 2 were there" in capsys.readouterr().out
+    assert np.array_equal(np.asarray(Image.open(out / "2_bev.png")), LUT.warp(textured(48, 64, 3, seed=2)))
+    assert (out / "1_bev.png").stat().st_mtime_ns == stamp
+
+
+def test_many_images_are_told_of_in_one_line(tmp_path, calibration, capsys):
+    (tmp_path / "many").mkdir()
+    for number in range(21):
+        Image.fromarray(textured(48, 64, seed=number)).save(tmp_path / "many" / f"{number}.png")
+    assert main(["warp", calibration, str(tmp_path / "many"), "-o", str(tmp_path / "bevs"), *GRID]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) == 1 and "21 images" in lines[0]
+
+
+def test_the_command_takes_videos(folder, tmp_path, calibration, capsys):
+    write_video(tmp_path / "a.mp4", [smooth(n) for n in range(6)])
+    video, bev, mask = (str(tmp_path / name) for name in ("a.mp4", "bev.mp4", "mask.png"))
+    assert main(["warp", calibration, video, "-o", bev, "--mask", mask, "--every", "2", *GRID]) == 0
+    assert "3 frames" in capsys.readouterr().out
+    assert [frame.timestamp for frame in streams.open(bev)] == pytest.approx([0, 0.2, 0.4], abs=1e-4)
+    assert np.array_equal(np.asarray(Image.open(mask)) > 0, LUT.mask)
+    frames = str(tmp_path / "bevs")
+    assert main(["warp", calibration, video, "-o", frames, "--start", "0.2", "--end", "0.5", *GRID]) == 0
+    assert len(list(Path(frames).iterdir())) == 3
+    assert main(["warp", calibration, str(folder), "-o", str(tmp_path / "c.mkv"), *GRID]) == 0
+    assert len(list(streams.open(tmp_path / "c.mkv"))) == 3
+    capsys.readouterr()
+    write_video(tmp_path / "b.mp4", [smooth(0, 32, 32)])
+    (tmp_path / "d.mp4").write_text("no video")
+    before = sorted(tmp_path.iterdir())
+    for arguments, phrase in (
+        ([video, "-o", bev], "--force"),
+        ([video, "-o", video, "--force"], "got the input"),
+        ([video, "-o", frames], "--skip-existing"),
+        ([str(tmp_path / "b.mp4"), "-o", str(tmp_path / "x.mp4")], "32x32"),
+        ([str(tmp_path / "d.mp4"), "-o", str(tmp_path / "x.mp4")], "d.mp4"),
+        ([str(folder), "-o", str(tmp_path / "x"), "--start", "1"], "no time"),
+    ):
+        assert main(["warp", calibration, *arguments, *GRID]) == 2
+        assert phrase in capsys.readouterr().err, phrase
+    assert sorted(tmp_path.iterdir()) == before

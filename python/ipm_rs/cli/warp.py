@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import os
 import sys
 import textwrap
@@ -14,6 +15,7 @@ import numpy as np
 
 import ipm_rs
 from ipm_rs import calibration
+from ipm_rs.cli import stream
 from ipm_rs.cli.arguments import (
     Commands,
     add_camera,
@@ -31,6 +33,11 @@ from ipm_rs.cli.arguments import (
 from ipm_rs.cli.printing import Progress, emit, error_line, no_progress, progress_bar
 from ipm_rs.errors import ArgumentError, FileError, ImageError, IpmError
 from ipm_rs.files import images
+from ipm_rs.streams import folder
+from ipm_rs.streams._ordered import cpus, ordered
+
+_LINES = 20
+"""Of more images, one line tells of all."""
 
 
 def add(commands: Commands) -> None:
@@ -41,6 +48,10 @@ def add(commands: Commands) -> None:
         description="""\
 Warp camera images to metric bird's-eye views. Row 0 is far ahead, column 0 is to the left; metres are those of the
 vehicle frame of the calibration: x forward, y left, z up.
+
+The input is one or several images, a folder of them, a "pattern", a .txt list of paths, or a video; the output a
+file for one image, else a folder or a video (.mp4 .mov .mkv .webm .avi). Frames are decoded, warped and encoded on
+--jobs threads. After a stop, --skip-existing goes on.
 
 Images may be grey, 16-bit grey, colour, with alpha, or label images with a palette (nearest and mode only; indices and
 palette are kept). EXIF orientation is not applied: the calibration belongs to the pixels as they are stored. Of several
@@ -53,6 +64,8 @@ output decides its format: """
   ipm-rs warp camera.json frame.png -o bev.png
   ipm-rs warp camera.json frame.png -o bev.png --x 7 50 --y -10 10 --resolution 0.05 0.025 --sample-at corner
   ipm-rs warp camera.json frames/*.png -o bevs/ --mask bevs/valid.png
+  ipm-rs warp camera.json frames/ -o bevs/ --skip-existing
+  ipm-rs warp camera.json drive.mp4 -o bev.mp4 --start 60 --end 90
   ipm-rs warp calib/000114.txt 000114.png -o bev.png --image-size 1242 375 --ground -1.73
   ipm-rs warp v1.0-mini/calibrated_sensor.json front.jpg -o bev.png --camera CAM_FRONT
   ipm-rs warp camera.json frame.png -o bev.png --resolution 0.1 --interpolation area
@@ -60,13 +73,13 @@ output decides its format: """
     )
     add = warp.add_argument
     add("calibration", metavar="CALIBRATION", help="camera calibration, a file or directory of a format named above")
-    add("images", metavar="IMAGE", nargs="+", type=Path, help="camera images, all of the calibration's size")
+    add("images", metavar="IMAGE", nargs="+", type=Path, help="images of the calibration's size, a folder, or a video")
     add(
         "-o",
         "--output",
         metavar="OUT",
         required=True,
-        help="a file for one image; a directory for several, which get the names <image>_bev.png",
+        help="a file for one image; a directory for several, which get the names <image>_bev.png; or a video",
     )
     grid = add_grid(warp, "where a cell is sampled")
     grid.add_argument(
@@ -94,6 +107,27 @@ output decides its format: """
     running.add_argument(
         "--mask", metavar="PATH", type=Path, help="also write the validity mask, 255 where a cell is seen"
     )
+    running.add_argument("--jobs", metavar="N", type=count, help="frames at a time (default: the CPUs there are)")
+    running.add_argument("--every", metavar="N", type=count, default=1, help="only every so many-th frame")
+    running.add_argument("--start", metavar="S", type=real, help="seconds of a video to begin at")
+    running.add_argument("--end", metavar="S", type=real, help="seconds of a video to end before")
+    running.add_argument(
+        "--rotation",
+        choices=("refuse", "ignore", "apply"),
+        default="refuse",
+        help="of a video that asks to be turned: the calibration is of the stored pixels (ignore) or the turned ones "
+        "(apply); refused by default",
+    )
+    running.add_argument("--skip-existing", action="store_true", help="leave out what is there already: goes on")
+    running.add_argument("--strict", action="store_true", help="stop at the first image or frame that fails")
+    running.add_argument(
+        "--png-level",
+        metavar="N",
+        type=int,
+        choices=range(10),
+        default=1,
+        help="compression of PNG, 0 to 9 (default: 1; 6 takes four times as long for files a sixth smaller)",
+    )
     running.add_argument("--threads", metavar="N", type=count, help="threads of a warp (default: the CPUs there are)")
     running.add_argument("--force", action="store_true", help="replace existing outputs")
     running.add_argument("--quiet", action="store_true", help="print nothing but warnings and errors")
@@ -104,41 +138,78 @@ def run(args: argparse.Namespace) -> None:
     """Check everything, then warp image after image."""
     camera = load_camera_sized(args)
     grid = ipm_rs.BevGrid(x=args.x, y=args.y, resolution=resolution(args.resolution), sample_at=args.sample_at)
+    options: dict[str, Any] = {
+        "interpolation": args.interpolation,
+        "border_value": args.border_value[0] if len(args.border_value) == 1 else tuple(args.border_value),
+        "threads": args.threads,
+    }
+    if stream.concerns(args):
+        stream.run(args, camera, grid, options)
+        return
+    if len(args.images) == 1 and folder.is_several(str(args.images[0])):
+        several = args.images[0]
+        args.images = folder.paths_of(str(several))
+        if Path(args.output).suffix.lower() in images.FORMATS:
+            raise ArgumentError(f"-o: expected a directory for the images of {several}, got {args.output}; give one")
+        args.output = os.path.join(args.output, "")  # noqa: PTH118 - a directory, also for a single image
+    if args.start is not None or args.end is not None:
+        raise ArgumentError("--start: expected a video, got images, which have no time; leave --start and --end out")
+    args.images = args.images[:: args.every]
     found, failed = read_headers(images.probe, args.images)
     headers = [header for header in found if header is not None]
     for header in headers:
         _check_image(header, camera, args.interpolation)
     outputs = _outputs(args, headers)
     _check_outputs(outputs, headers, args)
-    options: dict[str, Any] = {
-        "interpolation": args.interpolation,
-        "border_value": args.border_value[0] if len(args.border_value) == 1 else tuple(args.border_value),
-        "threads": args.threads,
-    }
     _rehearse(headers, options)
     show_progress = len(headers) > 1 and not args.quiet and sys.stderr.isatty()
     progress: Progress = progress_bar("image") if show_progress else no_progress
 
     lut = ipm_rs.Lut(camera, grid, ground=args.ground)
     mask = lut.mask
-    with progress(list(zip(headers, outputs, strict=True))) as (jobs, say):
-        for header, output in jobs:
+    jobs = min(args.jobs or cpus(), len(headers))
+    if jobs > 1:
+        options["threads"] = args.threads or 1  # the images are work enough for all CPUs
+
+    def warp(job: tuple[images.Header, Path]) -> float | None:
+        header, output = job
+        if args.skip_existing and output.exists():
+            return None
+        pixels, look = images.read(header.path)
+        start = perf_counter()
+        bev = lut.warp(pixels, **options)
+        milliseconds = 1e3 * (perf_counter() - start)
+        output.parent.mkdir(parents=True, exist_ok=True)
+        images.write(output, bev, look, level=args.png_level)
+        return milliseconds
+
+    tasks = list(zip(headers, outputs, strict=True))
+    begin, done, skipped = perf_counter(), 0, 0
+    line_each = not args.quiet and len(headers) <= _LINES
+    rows, cols = lut.shape
+    with (
+        progress(tasks) as (steps, say),
+        contextlib.closing(ordered(tasks, warp, jobs)) as results,
+    ):
+        for _, ((_, output), future) in zip(steps, results, strict=False):  # the bar moves with what is done
             try:
-                pixels, look = images.read(header.path)
-                start = perf_counter()
-                bev = lut.warp(pixels, **options)
+                milliseconds = future.result()
             except (FileError, ImageError) as error:  # one damaged frame does not stop the others
-                if len(args.images) == 1:
+                if len(args.images) == 1 or args.strict or "expected to write" in str(error):
                     raise
                 failed += 1
                 say(error_line(error), sys.stderr)
                 continue
-            milliseconds = 1e3 * (perf_counter() - start)
-            output.parent.mkdir(parents=True, exist_ok=True)
-            images.write(output, bev, look)
-            if not args.quiet:
-                rows, cols = lut.shape
+            if milliseconds is None:
+                skipped += 1
+                continue
+            done += 1
+            if line_each:
                 say(f"{output}  {cols} x {rows}  {100 * mask.mean():.1f} % valid  {milliseconds:.2f} ms", sys.stdout)
+    if not args.quiet and (not line_each or skipped):
+        seconds = perf_counter() - begin
+        there = f", {skipped} were there" if skipped else ""
+        emit(f"{args.output}  {done} images{there}  {cols} x {rows}  {100 * mask.mean():.1f} % valid  {seconds:.1f} s")
     if args.mask is not None and failed < len(args.images):
         images.write(args.mask, np.where(mask, np.uint8(255), np.uint8(0)), images.Look("L"))
         if not args.quiet:
@@ -194,7 +265,7 @@ def _check_outputs(outputs: list[Path], headers: list[images.Header], args: argp
             raise ArgumentError(f"{path}: expected one output per image, got it from {other} and {what}; rename one")
         if path.exists() and any(source.exists() and path.samefile(source) for source in sources):
             raise ArgumentError(f"{path}: expected an output, got an input; give another name, also with --force")
-        check_output(path, may_exist=args.force, may_make=path.parent == directory)
+        check_output(path, may_exist=args.force or args.skip_existing, may_make=path.parent == directory)
 
 
 def _rehearse(headers: list[images.Header], options: dict[str, Any]) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import queue
 import threading
 from collections.abc import Callable, Generator, Iterable
@@ -12,7 +13,13 @@ from typing import TypeVar
 T = TypeVar("T")
 R = TypeVar("R")
 
-__all__ = ["ordered"]
+__all__ = ["cpus", "ordered"]
+
+
+def cpus() -> int:
+    """Return how many CPUs the process may use."""
+    usable = getattr(os, "sched_getaffinity", None)
+    return len(usable(0)) if usable else os.cpu_count() or 1
 
 
 def ordered(items: Iterable[T], work: Callable[[T], R], jobs: int) -> Generator[tuple[T, Future[R]], None, None]:

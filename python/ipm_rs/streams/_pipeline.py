@@ -15,7 +15,7 @@ from ipm_rs._arguments import path_text
 from ipm_rs._core import Lut
 from ipm_rs.errors import ArgumentError, ArgumentTypeError, FileError, ImageError, IpmError
 from ipm_rs.streams._frame import Frame, Stream, Ticket
-from ipm_rs.streams._ordered import ordered
+from ipm_rs.streams._ordered import cpus, ordered
 from ipm_rs.streams._sinks import Sink, sink_for
 
 __all__ = ["Summary", "warp"]
@@ -98,7 +98,7 @@ def warp(
     if not isinstance(lut, Lut) and not callable(lut):
         raise ArgumentTypeError(f"lut: expected a Lut or a function, got {type(lut).__name__}; build one")
     path = Path(path_text("output", output))
-    jobs = _cpus() if jobs is None else _whole("jobs", jobs, 1, 1000)
+    jobs = cpus() if jobs is None else _whole("jobs", jobs, 1, 1000)
     level = _whole("level", level, 0, 9)
     if skip_existing and path.suffix.lower() in (".mp4", ".mov", ".mkv", ".webm", ".avi") and path.exists():
         return Summary()  # a video is there only if it is whole
@@ -161,11 +161,6 @@ def _is_fatal(problem: IpmError) -> bool:
     """Say whether the next frame would fail alike: no space, no folder, no permission."""
     cause = problem.__cause__
     return isinstance(cause, OSError) and cause.errno is not None and "expected to write" in str(problem)
-
-
-def _cpus() -> int:
-    usable = getattr(os, "sched_getaffinity", None)
-    return len(usable(0)) if usable else os.cpu_count() or 1
 
 
 def _whole(name: str, value: Any, low: int, high: int) -> int:

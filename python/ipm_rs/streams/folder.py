@@ -30,6 +30,13 @@ def recognises(path: str) -> bool:
     return place.is_dir() or place.suffix.lower() in {".txt", *_ENDINGS} or (has_magic(path) and not place.exists())
 
 
+def is_several(path: str) -> bool:
+    """Say whether a path is a folder, a pattern or a list, and not one image."""
+    place = Path(path)
+    is_pattern = has_magic(path) and not place.exists()
+    return is_pattern or place.is_dir() or place.suffix.lower() == ".txt"
+
+
 def read(path: str) -> Stream:
     """Open the images.
 
@@ -48,7 +55,9 @@ def paths_of(path: str) -> list[Path]:
     if place.is_dir():
         found = [entry for entry in place.iterdir() if entry.suffix.lower() in _ENDINGS and entry.name[0] != "."]
         if not found:
-            raise FileError(f"{path}: expected a folder with images ({', '.join(sorted(_ENDINGS))}), found none in it")
+            raise FileError(
+                f"{path}: expected a directory with images ({', '.join(sorted(_ENDINGS))}), found none in it"
+            )
         return sorted(found, key=_order)
     if place.suffix.lower() in _ENDINGS and place.exists():
         return [place]

@@ -1,0 +1,118 @@
+"""Videos on either side of ``ipm-rs warp``: what the command does with a whole stream instead of images one by one."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import ipm_rs
+from ipm_rs import streams
+from ipm_rs.cli.arguments import check_output
+from ipm_rs.cli.printing import emit, error_line, no_progress, progress_bar
+from ipm_rs.errors import ArgumentError, FileError, ImageError, IpmError
+from ipm_rs.files import images
+from ipm_rs.streams import folder, video
+from ipm_rs.streams._sinks import VIDEO_CODECS
+
+_TOLD = 5
+"""So many errors of frames are printed; the summary counts the others."""
+
+
+def concerns(args: argparse.Namespace) -> bool:
+    """Say whether the input or the output is a video."""
+    if len(args.images) != 1:
+        return False
+    source = str(args.images[0])
+    to_video = Path(args.output).suffix.lower() in VIDEO_CODECS
+    return video.recognises(source) or (to_video and folder.is_several(source))
+
+
+def run(args: argparse.Namespace, camera: ipm_rs.Camera, grid: ipm_rs.BevGrid, options: dict[str, Any]) -> None:
+    """Check the input's header and the output's name, then warp frame after frame."""
+    output = Path(args.output)
+    source = str(args.images[0])
+    is_video = video.recognises(source)
+    more = {"rotation": args.rotation} if is_video else {}
+    stream = streams.open(source, every=args.every, start=args.start, end=args.end, **more)
+    if stream.size is not None and stream.size != tuple(camera.image_size):
+        width, height = camera.image_size
+        raise ImageError(
+            f"{source}: expected {width}x{height} pixels, as the calibration was made for, got "
+            f"{stream.size[0]}x{stream.size[1]}; if it was made for these, give --image-size {stream.size[0]} "
+            f"{stream.size[1]}"
+        )
+    to_video = output.suffix.lower() in VIDEO_CODECS
+    if to_video:
+        if not args.skip_existing:
+            check_output(output, may_exist=args.force)
+        if output.exists() and Path(source).exists() and output.samefile(source):
+            raise ArgumentError(f"{output}: expected an output, got the input; give another name, also with --force")
+    elif output.exists() and not output.is_dir():
+        raise ArgumentError(f"-o: expected a folder or a video, got {output}, which is a file; give another name")
+    elif output.is_dir() and any(output.iterdir()) and not (args.force or args.skip_existing):
+        raise FileError(f"{output}: expected an empty folder, got files; give --skip-existing, --force or another name")
+    if args.mask is not None:
+        images.check_format(args.mask, "L", "the mask")
+        check_output(args.mask, may_exist=args.force)
+    lut = ipm_rs.Lut(camera, grid, ground=args.ground)
+    summary = _warp(args, stream, lut, output, options)
+    if args.mask is not None:
+        images.write(args.mask, np.where(lut.mask, np.uint8(255), np.uint8(0)), images.Look("L"))
+    if not args.quiet:
+        skipped = f", {summary.skipped} were there" if summary.skipped else ""
+        rows, cols = lut.shape
+        emit(
+            f"{output}  {cols} x {rows}  {summary.done} frames{skipped}  {100 * lut.mask.mean():.1f} % valid  "
+            f"{summary.seconds:.1f} s, {summary.rate:.1f} frames/s"
+        )
+    if summary.failed:
+        total = summary.done + summary.skipped + len(summary.failed)
+        raise FileError(f"{len(summary.failed)} of {total} frames could not be warped, see above")
+
+
+def _warp(
+    args: argparse.Namespace, stream: streams.Stream, lut: ipm_rs.Lut, output: Path, options: dict[str, Any]
+) -> streams.Summary:
+    show = not args.quiet and sys.stderr.isatty()
+    told = 0
+    with (progress_bar("frame") if show else no_progress)(_Counted(stream.count)) as (bar, say):
+        steps = iter(bar)
+
+        def report(_: streams.Ticket, error: IpmError | None) -> None:
+            nonlocal told
+            next(steps, None)
+            if error is not None:
+                told += 1
+                if told <= _TOLD:
+                    say(error_line(error), sys.stderr)
+
+        return streams.warp(
+            stream,
+            lut,
+            output,
+            jobs=args.jobs,
+            skip_existing=args.skip_existing,
+            strict=args.strict,
+            level=args.png_level,
+            report=report,
+            **options,
+        )
+
+
+class _Counted:
+    """Steps of a progress bar, whose number may not be known."""
+
+    def __init__(self, count: int | None) -> None:
+        self.count = count
+
+    def __iter__(self) -> Any:
+        return iter(int, 1)  # endless
+
+    def __len__(self) -> int:
+        if self.count is None:
+            raise TypeError
+        return self.count
