@@ -103,7 +103,7 @@ pub(super) fn bilinear_u8(isa: Isa, channels: usize) -> Option<RowKernel<u8>> {
             },
             Neon => match channels {
                 1 => kernel!(neon::bilinear_u8::<1>),
-    2 => kernel!(neon::bilinear_u8::<2>),
+                2 => kernel!(neon::bilinear_u8::<2>),
                 3 => kernel!(neon::bilinear_u8::<3>),
                 4 => kernel!(neon::bilinear_u8::<4>),
                 _ => None,
@@ -153,7 +153,7 @@ pub(super) fn bilinear_u16(isa: Isa, channels: usize) -> Option<RowKernel<u16>> 
             },
             Neon => match channels {
                 1 => kernel!(neon::bilinear_float::<u16, _, 1>),
-    2 => kernel!(neon::bilinear_float::<u16, _, 2>),
+                2 => kernel!(neon::bilinear_float::<u16, _, 2>),
                 3 => kernel!(neon::bilinear_float::<u16, _, 3>),
                 4 => kernel!(neon::bilinear_float::<u16, _, 4>),
                 _ => None,
@@ -184,7 +184,7 @@ macro_rules! kernel_f32 {
             },
             Neon => match $channels {
                 1 => kernel!(neon::bilinear_float::<f32, _, 1>),
-2 => kernel!(neon::bilinear_float::<f32, _, 2>),
+                2 => kernel!(neon::bilinear_float::<f32, _, 2>),
                 3 => kernel!(neon::bilinear_float::<f32, _, 3>),
                 4 => kernel!(neon::bilinear_float::<f32, _, 4>),
                 _ => None,
