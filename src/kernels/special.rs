@@ -81,34 +81,34 @@ pub(super) fn copy<T: Sample>(isa: Isa, pixel_bytes: usize) -> Option<CopyKernel
 /// Bilinear of 8-bit images.
 pub(super) fn bilinear_u8(isa: Isa, channels: usize) -> Option<RowKernel<u8>> {
     by_isa!(
-            isa,
-            Scalar => None,
-            Avx2 => match channels {
-                1 => kernel!(avx2::bilinear_u8::<1>),
-                2 => kernel!(avx2::bilinear_u8_pairs),
-                3 => kernel!(avx2::bilinear_u8::<3>),
-                4 => kernel!(avx2::bilinear_u8::<4>),
-                5 => kernel!(avx2::bilinear_u8_few::<5>),
-                6 => kernel!(avx2::bilinear_u8_few::<6>),
-                7 => kernel!(avx2::bilinear_u8_few::<7>),
-                8 => kernel!(avx2::bilinear_u8_few::<8>),
-                _ => kernel!(avx2::bilinear_u8_any),
-            },
-            Avx512 => match channels {
-                1 => kernel!(avx512::bilinear_u8::<1>),
-                2 => kernel!(avx512::bilinear_u8::<2>),
-                3 => kernel!(avx512::bilinear_u8::<3>),
-                4 => kernel!(avx512::bilinear_u8::<4>),
-                _ => kernel!(avx512::bilinear_u8_any),
-            },
-            Neon => match channels {
-                1 => kernel!(neon::bilinear_u8::<1>),
-                2 => kernel!(neon::bilinear_u8::<2>),
-                3 => kernel!(neon::bilinear_u8::<3>),
-                4 => kernel!(neon::bilinear_u8::<4>),
-                _ => None,
-            },
-        )
+        isa,
+        Scalar => None,
+        Avx2 => match channels {
+            1 => kernel!(avx2::bilinear_u8::<1>),
+            2 => kernel!(avx2::bilinear_u8_pairs),
+            3 => kernel!(avx2::bilinear_u8::<3>),
+            4 => kernel!(avx2::bilinear_u8::<4>),
+            5 => kernel!(avx2::bilinear_u8_few::<5>),
+            6 => kernel!(avx2::bilinear_u8_few::<6>),
+            7 => kernel!(avx2::bilinear_u8_few::<7>),
+            8 => kernel!(avx2::bilinear_u8_few::<8>),
+            _ => kernel!(avx2::bilinear_u8_any),
+        },
+        Avx512 => match channels {
+            1 => kernel!(avx512::bilinear_u8::<1>),
+            2 => kernel!(avx512::bilinear_u8::<2>),
+            3 => kernel!(avx512::bilinear_u8::<3>),
+            4 => kernel!(avx512::bilinear_u8::<4>),
+            _ => kernel!(avx512::bilinear_u8_any),
+        },
+        Neon => match channels {
+            1 => kernel!(neon::bilinear_u8::<1>),
+            2 => kernel!(neon::bilinear_u8::<2>),
+            3 => kernel!(neon::bilinear_u8::<3>),
+            4 => kernel!(neon::bilinear_u8::<4>),
+            _ => None,
+        },
+    )
 }
 
 /// Averages of probes into 8-bit images.
@@ -134,31 +134,31 @@ pub(super) fn probes_u8(isa: Isa, channels: usize) -> Option<ProbesKernel<u8>> {
 /// Bilinear of 16-bit images.
 pub(super) fn bilinear_u16(isa: Isa, channels: usize) -> Option<RowKernel<u16>> {
     by_isa!(
-            isa,
-            Scalar => None,
-            Avx2 => match channels {
-                1 => kernel!(avx2::bilinear_u16::<1>),
-                2 => kernel!(avx2::bilinear_u16_pairs),
-                3 => kernel!(avx2::bilinear_u16::<3>),
-                4 => kernel!(avx2::bilinear_u16::<4>),
-                5.. => kernel!(avx2::bilinear_u16_any),
-                _ => None,
-            },
-            Avx512 => match channels {
-                1 => kernel!(avx512::bilinear_float::<u16, _, 1>),
-                2 => kernel!(avx512::bilinear_float_pairs::<u16, _>),
-                3 => kernel!(avx512::bilinear_float::<u16, _, 3>),
-                4 => kernel!(avx512::bilinear_float::<u16, _, 4>),
-                _ => kernel!(avx512::bilinear_float_any::<u16, _>),
-            },
-            Neon => match channels {
-                1 => kernel!(neon::bilinear_float::<u16, _, 1>),
-                2 => kernel!(neon::bilinear_float::<u16, _, 2>),
-                3 => kernel!(neon::bilinear_float::<u16, _, 3>),
-                4 => kernel!(neon::bilinear_float::<u16, _, 4>),
-                _ => None,
-            },
-        )
+        isa,
+        Scalar => None,
+        Avx2 => match channels {
+            1 => kernel!(avx2::bilinear_u16::<1>),
+            2 => kernel!(avx2::bilinear_u16_pairs),
+            3 => kernel!(avx2::bilinear_u16::<3>),
+            4 => kernel!(avx2::bilinear_u16::<4>),
+            5.. => kernel!(avx2::bilinear_u16_any),
+            _ => None,
+        },
+        Avx512 => match channels {
+            1 => kernel!(avx512::bilinear_float::<u16, _, 1>),
+            2 => kernel!(avx512::bilinear_float_pairs::<u16, _>),
+            3 => kernel!(avx512::bilinear_float::<u16, _, 3>),
+            4 => kernel!(avx512::bilinear_float::<u16, _, 4>),
+            _ => kernel!(avx512::bilinear_float_any::<u16, _>),
+        },
+        Neon => match channels {
+            1 => kernel!(neon::bilinear_float::<u16, _, 1>),
+            2 => kernel!(neon::bilinear_float::<u16, _, 2>),
+            3 => kernel!(neon::bilinear_float::<u16, _, 3>),
+            4 => kernel!(neon::bilinear_float::<u16, _, 4>),
+            _ => None,
+        },
+    )
 }
 
 /// The kernel of float images, for taps of either kind.
