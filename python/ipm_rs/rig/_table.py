@@ -332,8 +332,10 @@ class RigLut:
         """
         given = self._by_name(images)
         reach = array_of("farthest", farthest)
-        if reach.shape != () or reach.dtype.kind not in "iuf" or not 0 < float(reach) <= 100:
-            raise ArgumentError(f"farthest: expected metres above 0, up to 100, got {farthest!r:.60}")
+        if reach.shape != () or reach.dtype.kind not in "iuf":
+            raise ArgumentError(f"farthest: expected metres, got {reach.dtype} of shape {reach.shape}")
+        if not 0 < float(reach) <= 100:
+            raise ArgumentError(f"farthest: expected metres above 0, up to 100, got {float(reach):g}")
         if self._pairs is None or self._pairs[0] != float(reach):
             seen = {name: self._table.seen(place) for place, name in enumerate(self._rig)}
             surface = _surface(self._ground, self._grid)
