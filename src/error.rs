@@ -15,9 +15,7 @@ pub enum Error {
         got: f64,
     },
     /// An angle of more than a turn.
-    #[error(
-        "{what}: expected radians, at most a turn (2 pi, 6.28) either way, got {got}; if it is in degrees, give np.radians({got})"
-    )]
+    #[error("{what}: expected radians, at most a turn (2 pi, 6.28) either way, got {got}")]
     Angle {
         /// The parameter's name.
         what: &'static str,
@@ -48,8 +46,7 @@ pub enum Error {
     },
     /// Heights that stand for "no data" in elevation files.
     #[error(
-        "heights: expected finite metres, and NaN where the road is not known, got {got:?} at [{row}, {column}] ({count} in all), which stands for \"no data\" or is no height; replace it by NaN, {mend}",
-        mend = no_data_mend(*got)
+        "heights: expected finite metres, and NaN where the road is not known, got {got:?} at [{row}, {column}] ({count} in all), which stands for \"no data\" or is no height"
     )]
     NoData {
         /// The first such number.
@@ -190,7 +187,7 @@ pub enum Error {
         tolerance: f64,
     },
     /// A line that a lens bends.
-    #[error("horizon_line: expected a pinhole camera, got one behind {lens}, which bends the horizon; use horizon()")]
+    #[error("horizon_line: expected a pinhole camera, got one behind {lens}, which bends the horizon")]
     Horizon {
         /// The lens model's name.
         lens: &'static str,
@@ -333,7 +330,7 @@ pub enum Error {
     },
     /// An image of another size than the table was built for.
     #[error(
-        "image is {}x{} but this Lut was built for {}x{}; {}, and build it again", got.0, got.1, expected.0, expected.1, size_mend("image", *got, *expected)
+        "image is {}x{} but this Lut was built for {}x{}", got.0, got.1, expected.0, expected.1
     )]
     SizeMismatch {
         /// (width, height) of the table's source.
@@ -366,9 +363,7 @@ pub enum Error {
         got: (usize, usize, usize),
     },
     /// A source that area interpolation cannot address.
-    #[error(
-        "area: expected a source of at most {limit} pixels a side, got {width} x {height}; use interpolation=\"bilinear\", or crop"
-    )]
+    #[error("area: expected a source of at most {limit} pixels a side, got {width} x {height}")]
     AreaSize {
         /// Columns of the source.
         width: u32,
@@ -388,7 +383,7 @@ pub enum Error {
         mend: &'static str,
     },
     /// A label image of too many different ids.
-    #[error("mode: expected an image of at most {limit} different ids, got more; use interpolation=\"nearest\"")]
+    #[error("mode: expected an image of at most {limit} different ids, got more")]
     TooManyIds {
         /// The limit.
         limit: usize,
@@ -438,7 +433,7 @@ pub enum Error {
         got: f64,
     },
     /// A depth image of another size than the camera's.
-    #[error("depth is {}x{} but the camera's image is {}x{}; {}", got.0, got.1, expected.0, expected.1, size_mend("depth", *got, *expected))]
+    #[error("depth is {}x{} but the camera's image is {}x{}", got.0, got.1, expected.0, expected.1)]
     DepthSize {
         /// (width, height) of the camera's image.
         expected: (usize, usize),
@@ -447,7 +442,7 @@ pub enum Error {
     },
     /// A mask of another size than its depth image.
     #[error(
-        "mask is {}x{} but depth is {}x{}; {}give it one entry for each pixel of depth, shape ({}, {})", got.0, got.1, expected.0, expected.1, if is_swapped(*got, *expected) { "it seems transposed: " } else { "" }, expected.1, expected.0
+        "mask is {}x{} but depth is {}x{}", got.0, got.1, expected.0, expected.1
     )]
     MaskSize {
         /// (width, height) of the depth image.
@@ -565,35 +560,9 @@ pub enum Error {
 /// `Result` with this crate's [`Error`].
 pub type Result<T, E = Error> = std::result::Result<T, E>;
 
-/// How to make a camera fit pictures of another size than its own: mostly it was told the wrong one.
-fn size_mend(what: &str, got: (usize, usize), expected: (usize, usize)) -> String {
-    let (width, height) = got;
-    if is_swapped(got, expected) {
-        return format!(
-            "width and height are swapped: image_size is (width, height), while {what}.shape is (height, width); make the camera with image_size=({width}, {height})"
-        );
-    }
-    format!(
-        "make the camera with image_size=({width}, {height}) if its calibration is of pictures of this size (a table without a camera: source_size=), or use camera.resized() or camera.cropped() if the pictures were resized or cropped after it"
-    )
-}
-
-/// Whether one size is the other with width and height in each other's place.
-fn is_swapped(got: (usize, usize), expected: (usize, usize)) -> bool {
-    got == (expected.1, expected.0)
-}
-
 /// A number of cells, in powers of ten where it has too many digits to be read.
 fn count(cells: f64) -> String {
     if cells < 1e15 { format!("{cells}") } else { format!("{cells:.1e}") }
-}
-
-/// What replaces numbers that stand for "no data".
-fn no_data_mend(got: f64) -> String {
-    if got.abs() > 1e5 {
-        return "np.where(abs(heights) <= 1e5, heights, np.nan)".to_owned();
-    }
-    format!("np.where(heights == {got:?}, np.nan, heights)")
 }
 
 /// A number without the noise of its last bits: 0.9, not 0.8999999999999999.

@@ -4,6 +4,7 @@ use pyo3::exceptions::{PyException, PyKeyboardInterrupt, PyMemoryError};
 use pyo3::types::{PyAnyMethods, PyStringMethods, PyTypeMethods};
 use pyo3::{PyErr, PyResult, Python};
 
+use super::mend::message;
 use crate::Error;
 
 /// The classes of `ipm_rs.errors`: written in Python, so that each has two bases, pickles, and can be read.
@@ -76,7 +77,7 @@ pub(super) fn error_text(py: Python<'_>, error: &PyErr) -> PyResult<String> {
 
 impl From<Error> for PyErr {
     fn from(error: Error) -> Self {
-        let message = error.to_string();
+        let message = message(&error);
         match error {
             Error::NotFinite { .. }
             | Error::Intrinsics { .. }

@@ -19,6 +19,7 @@ use super::image::{ImageArray, Output};
 use super::layout::Layout;
 use super::lut_file::range_of;
 use super::maps::{MapPair, map_array};
+use super::mend::message;
 use super::options::{self, BorderValue};
 use super::shared;
 use super::warnings::warn;
@@ -295,11 +296,12 @@ impl PyLut {
         });
         Err(match other {
             Some(other) => ImageError::new_err(format!(
-                "image: expected {} for layout=\"{}\", got {}, which fits layout=\"{}\" ({error})",
+                "image: expected {} for layout=\"{}\", got {}, which fits layout=\"{}\" ({})",
                 image.layout().shape_text(),
                 image.layout().name(),
                 tuple_text(shape),
-                other.name()
+                other.name(),
+                message(&error)
             )),
             None => error.into(),
         })

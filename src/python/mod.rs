@@ -45,6 +45,7 @@ mod lut;
 mod lut_file;
 mod maps;
 mod mask;
+mod mend;
 mod options;
 mod outputs;
 mod points;

@@ -16,6 +16,7 @@ use super::ground::road;
 use super::image::{ImageArray, Output};
 use super::layout::Layout;
 use super::mask::mask_of;
+use super::mend::message;
 use super::options::{self, BorderValue};
 use super::shared;
 use crate::rig::{BlendMode, Mix, RigLut, RigOptions};
@@ -189,8 +190,8 @@ impl PyRigTable {
             let (width, height) = self.lut.source_size(index);
             let expected = (width as usize, height as usize);
             if image.size() != expected {
-                let error = Error::SizeMismatch { expected, got: image.size() };
-                return Err(ImageError::new_err(format!("{}: {error}", name(index))));
+                let problem = message(&Error::SizeMismatch { expected, got: image.size() });
+                return Err(ImageError::new_err(format!("{}: {problem}", name(index))));
             }
             let first = checked.first().unwrap_or(&image);
             if !image.dtype().is_equiv_to(first.dtype()) {
