@@ -1012,6 +1012,71 @@ class Camera:
             FileError, MissingFileError: the file cannot be read.
         """
     @staticmethod
+    def from_dgp(
+        source: str | PathLike[str] | Mapping[str, Any],
+        *,
+        camera: str | None = None,
+        image_size: Sequence[int] | None = None,
+        nearest_rotation: bool = False,
+    ) -> Camera:
+        """One camera of DGP's `calibration/<sha>.json` (DDAD, Parallel Domain); see `ipm_rs.calibration.dgp.read`.
+
+        Args:
+            source: the file, or its content.
+            camera: its name, "CAMERA_01"; needed if there is more than one.
+            image_size: (width, height), which the format does not state; DDAD's are (1936, 1216).
+            nearest_rotation: take the nearest rotation for one that is off by up to 3e-2, as three printed digits leave it.
+
+        Raises:
+            CalibrationError: a key is missing, a value cannot be right, or `image_size` was not given.
+            ArgumentError, ArgumentTypeError: an argument is wrong.
+            FileError, MissingFileError: the file cannot be read.
+        """
+    @staticmethod
+    def from_argoverse1(
+        source: str | PathLike[str] | Mapping[str, Any],
+        *,
+        camera: str | None = None,
+        image_size: Sequence[int] | None = None,
+        nearest_rotation: bool = False,
+    ) -> Camera:
+        """One camera of Argoverse 1's `vehicle_calibration_info.json`; see `ipm_rs.calibration.argoverse1.read`.
+
+        Args:
+            source: the file, or its content.
+            camera: its name, "ring_front_center"; needed if there is more than one.
+            image_size: (width, height), which the file does not state: (1920, 1200), or (2464, 2056) for stereo.
+            nearest_rotation: take the nearest rotation for one that is off by up to 3e-2, as three printed digits leave it.
+
+        Raises:
+            CalibrationError: a key is missing, a value cannot be right, or `image_size` was not given.
+            ArgumentError, ArgumentTypeError: an argument is wrong.
+            FileError, MissingFileError: the file cannot be read.
+        """
+    @staticmethod
+    def from_mmdet3d(
+        source: str | PathLike[str] | Mapping[str, Any],
+        *,
+        camera: str | None = None,
+        image_size: Sequence[int] | None = None,
+        frame: Literal["ego", "lidar"] | None = None,
+        nearest_rotation: bool = False,
+    ) -> Camera:
+        """A camera entry of mmdetection3d's info files; see `ipm_rs.calibration.mmdet3d.read`.
+
+        Args:
+            source: one camera's entry, or a frame's with `images`: a JSON file or a mapping.
+            camera: its key in `images`, "CAM_FRONT"; needed if there is more than one.
+            image_size: (width, height); needed if the entry lacks them, and must agree if it has them.
+            frame: which is the vehicle's, through `cam2ego` or `lidar2cam`; without it the ego vehicle's where it is there.
+            nearest_rotation: take the nearest rotation for one that is off by up to 3e-2, as three printed digits leave it.
+
+        Raises:
+            CalibrationError: a key is missing or its value cannot be right.
+            ArgumentError, ArgumentTypeError: an argument is wrong.
+            FileError, MissingFileError: the file cannot be read.
+        """
+    @staticmethod
     def load(
         path: str | PathLike[str],
         image_size: Sequence[int] | None = None,

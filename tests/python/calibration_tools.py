@@ -385,7 +385,95 @@ COLMAP_BINARY_IMAGES = (
     + struct.pack("<Q", 0)
 )
 
+_TURN = {"qw": 0.5, "qx": -0.5, "qy": 0.5, "qz": -0.5}  # a camera that looks along +x of the vehicle
+_AHEAD = {"rotation": _TURN, "translation": {"x": 1.7, "y": 0.2, "z": 1.35}}
+_SIDEWAYS = {
+    "rotation": {"qw": 0.1, "qx": -0.1, "qy": 0.7, "qz": -0.7}, "translation": {"x": 1.5, "y": -0.4, "z": 1.3}
+}  # fmt: skip
+DGP = {
+    "names": ["LIDAR", "CAMERA_01", "CAMERA_05"],
+    "extrinsics": [
+        {"rotation": {"qw": 1.0, "qx": 0.0, "qy": 0.0, "qz": 0.0}, "translation": {"x": 0.0, "y": 0.0, "z": 0.0}},
+        _AHEAD,
+        _SIDEWAYS,
+    ],
+    "intrinsics": [
+        {"fx": 0.0, "fy": 0.0, "cx": 0.0, "cy": 0.0, "skew": 0.0},
+        {"fx": 2181.5, "fy": 2181.7, "cx": 928.0, "cy": 615.9, "skew": 0.0},
+        {"fx": 1059.3, "fy": 1060.1, "cx": 960.5, "cy": 606.2, "skew": 0.25, "k1": -0.02, "k2": 0.003, "p1": 0.0001},
+    ],
+}
+
+
+def _argoverse(name: str, focal: float, coefficients: list[float], translation: list[float]) -> dict:
+    return {
+        "key": f"image_raw_{name}",
+        "value": {
+            "focal_length_x_px_": focal,
+            "focal_length_y_px_": focal + 0.5,
+            "focal_center_x_px_": 969.5,
+            "focal_center_y_px_": 604.75,
+            "skew_": 0,
+            "distortion_coefficients_": [-0.172, 0.11, -0.02],
+            "vehicle_SE3_camera_": {"rotation": {"coefficients": coefficients}, "translation": translation},
+        },
+    }
+
+
+ARGOVERSE1 = {
+    "camera_data_": [
+        _argoverse("ring_front_center", 1392.1, [0.5, -0.5, 0.5, -0.5], [1.64, 0.0, 1.37]),
+        _argoverse("ring_side_left", 1398.4, [0.7, -0.7, 0.1, -0.1], [1.31, 0.25, 1.38]),
+    ],
+    "vehicle_SE3_up_lidar_": {"rotation": {"coefficients": [1, 0, 0, 0]}, "translation": [1.35, 0.0, 1.64]},
+}
+
+MMDET3D = {
+    "sample_idx": 8,
+    "images": {
+        "CAM2": {
+            "img_path": "000008.png",
+            "height": 375,
+            "width": 1242,
+            "cam2img": [
+                [721.5377, 0.0, 609.5593, 44.85728],
+                [0.0, 721.5377, 172.854, 0.2163791],
+                [0.0, 0.0, 1.0, 0.002745884],
+                [0.0, 0.0, 0.0, 1.0],
+            ],
+            "lidar2cam": [
+                [0.0, -1.0, 0.0, 0.02],
+                [0.0, 0.0, -1.0, -0.07],
+                [1.0, 0.0, 0.0, -0.29],
+                [0.0, 0.0, 0.0, 1.0],
+            ],
+        },
+        "CAM_FRONT": {
+            "img_path": "n015.jpg",
+            "cam2img": [[1266.4, 0.0, 816.3], [0.0, 1266.4, 491.5], [0.0, 0.0, 1.0]],
+            "cam2ego": [[0.0, 0.0, 1.0, 1.7], [-1.0, 0.0, 0.0, 0.02], [0.0, -1.0, 0.0, 1.5], [0.0, 0.0, 0.0, 1.0]],
+            "lidar2cam": [[1.0, 0.0, 0.0, 0.01], [0.0, 0.0, -1.0, -0.3], [0.0, 1.0, 0.0, -0.8], [0.0, 0.0, 0.0, 1.0]],
+        },
+    },
+}
+
 TOOLS = {
+    "dgp": Sample("dgp", {"5f1c.json": as_json(DGP)}, options={"camera": "CAMERA_01", "image_size": (1936, 1216)}),
+    "dgp side": Sample("dgp", {"5f1c.json": as_json(DGP)}, options={"camera": "CAMERA_05", "image_size": (1936, 1216)}),
+    "argoverse1": Sample(
+        "argoverse1",
+        {"vehicle_calibration_info.json": as_json(ARGOVERSE1)},
+        options={"camera": "ring_front_center", "image_size": (1920, 1200)},
+    ),
+    "argoverse1 side": Sample(
+        "argoverse1",
+        {"vehicle_calibration_info.json": as_json(ARGOVERSE1)},
+        options={"camera": "image_raw_ring_side_left", "image_size": (1920, 1200)},
+    ),
+    "mmdet3d": Sample("mmdet3d", {"frame.json": as_json(MMDET3D)}, options={"camera": "CAM2"}),
+    "mmdet3d ego": Sample(
+        "mmdet3d", {"frame.json": as_json(MMDET3D)}, options={"camera": "CAM_FRONT", "image_size": (1600, 900)}
+    ),
     "camodocal": Sample("camodocal", {"cam0.yaml": CAMODOCAL}),
     "camodocal mei": Sample("camodocal", {"image_02.yaml": CAMODOCAL_MEI}),
     "camodocal fisheye": Sample("camodocal", {"fisheye.yaml": CAMODOCAL_FISHEYE}),
