@@ -169,7 +169,7 @@ def _content(source: Source) -> Section:
     if "value0" in chain:
         raise CalibrationError(
             f"{document.origin}: expected a Kalibr camchain, got basalt's calibration.json, whose numbers stand in "
-            "another order; give them to Camera() with DoubleSphere() or its kin"
+            "another order; read it with Camera.from_basalt"
         )
     return chain
 
