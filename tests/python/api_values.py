@@ -326,6 +326,8 @@ RECIPES: dict[str, Callable[[Values], tuple[Callable[..., Any], Arguments]]] = {
         v.rng.choice(RIG_LUTS).agreement,
         {"images": v.rig_images("u1 f4"), "farthest": 0.5},
     ),
+    "RigLut.save": lambda v: (RIG_LUTS[0].save, {"path": v.folder / "rig-written.ipmlut"}),
+    "RigLut.load": lambda v: (ipm_rs.RigLut.load, {"path": v.folder / "ring.ipmlut"}),
     "Bowl": _with(ipm_rs.Bowl, lambda v: {"flat": 4.0, "radius": 3.0, "center": (1.0, 0.0), "steepest": 50}),
     "Bowl.height_at": lambda v: (BOWL.height_at, {"xy": np.arange(18.0).reshape(9, 2)}),
     "Bowl.height_map": lambda v: (BOWL.height_map, {"grid": GRIDS[0]}),
@@ -451,6 +453,7 @@ def write_files(folder: pathlib.Path) -> None:
     CAMERAS[1].save(folder / "camera.json")
     RIG.save(folder / "rig.json")
     LUTS[0].save(folder / "front.ipmlut")
+    RIG_LUTS[0].save(folder / "ring.ipmlut")
     points = np.random.default_rng(2).uniform(-5, 15, (50, 3)).astype("f4")
     for name in FILES:
         pointfile.write(folder / name, points, {"intensity": points[:, 0]})

@@ -48,7 +48,7 @@ MEMBERS = {
     "PixelRays": "camera nbytes",
     "Layers": "",
     "Rig": "cameras subset moved to_json save load",
-    "RigLut": "rig grid ground shape nbytes mask source weights warp without gains agreement",
+    "RigLut": "rig grid ground shape nbytes mask source weights warp without gains agreement save load",
     "Bowl": "flat radius center height steepest height_at height_map",
 }
 BASES = {

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import os
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Literal
 
@@ -346,6 +347,43 @@ class RigLut:
             for pair, view in self._pairs[1].items()
             if pair[0] in there and pair[1] in there
         }
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write all that the table is built from as one file, whole or not at all; `load` gives an equal one.
+
+        Raises
+        ------
+        FileError
+            The file cannot be written.
+        ArgumentTypeError
+            `path` is no path.
+        """
+        from ipm_rs.files.atomic import as_path
+        from ipm_rs.files.luts import rigs
+
+        whole, left = self._of if self._of is not None else (self, list(self._rig))
+        dropped = [name for name in whole._rig if name not in left]
+        rigs.save(whole, whole._options, dropped, as_path(path))
+
+    @staticmethod
+    def load(path: str | os.PathLike[str]) -> RigLut:
+        """Read what `save` wrote; the table is built again.
+
+        Raises
+        ------
+        MissingFileError, FileError
+            The file cannot be read.
+        LutError
+            It is none of a `RigLut`, or damaged.
+        """
+        from ipm_rs.files.atomic import as_path, check_source, reading
+        from ipm_rs.files.luts import rigs
+
+        name = as_path(path)
+        check_source(name, "a table", "name the file that RigLut.save wrote")
+        with reading(name, "a table"):
+            data = name.read_bytes()
+        return rigs.load(name, data)
 
     def _by_name(self, images: Images) -> dict[str, Any]:
         if isinstance(images, Mapping):
