@@ -1004,7 +1004,8 @@ class Camera:
         Args:
             source: the file.
             image_size: (width, height); must agree with the file.
-            camera_from_vehicle, vehicle_from_camera: (4, 4) pose in either direction; without it the camera looks along +x.
+            camera_from_vehicle: (4, 4) pose in either direction; without it the camera looks along +x.
+            vehicle_from_camera: the same the other way round; give one of them.
 
         Raises:
             CalibrationError: a row is missing or cannot be right.
@@ -1140,6 +1141,75 @@ class Camera:
             ArgumentError: an option was given that the format does not have.
             FileError, MissingFileError: a file cannot be read.
             MissingExtraError: the format needs PyYAML or pyarrow, which are not installed.
+        """
+    @staticmethod
+    def from_ground_points(
+        pixels: ArrayLike,
+        ground_points: ArrayLike,
+        *,
+        K: ArrayLike,
+        image_size: Sequence[int],
+        lens: _Lens | None = None,
+        ground: float = 0.0,
+        tolerance: float = 4.0,
+    ) -> Camera:
+        """A camera from points of a level ground that were surveyed and found in its raw image, through any lens.
+
+        Four points are enough; with more, wrong ones are left out. `ipm_rs.refine.from_ground_points` takes the same and
+        says how far the pose can be trusted.
+
+        Args:
+            pixels: (N, 2), where the image shows the points.
+            ground_points: (N, 2), (x, y) of the points in the vehicle frame, metres.
+            K: (3, 3) intrinsic matrix, pixels.
+            image_size: (width, height), pixels.
+            lens: the lens; a pinhole if not given.
+            ground: z of the points, metres.
+            tolerance: points that are farther off than this, pixels, are taken for mistakes.
+
+        Raises:
+            ArgumentError, ArgumentTypeError: fewer than 4 points, all on a line, their mirror image, or no four that agree.
+            CalibrationError: K, the size or the lens cannot be right.
+        """
+    @staticmethod
+    def from_projection(P: ArrayLike, *, image_size: Sequence[int]) -> Camera:
+        """A pinhole camera from its projection matrix, K [R | t] times any number.
+
+        Args:
+            P: (3, 4), vehicle frame (x, y, z, 1), metres, to homogeneous pixels.
+            image_size: (width, height), pixels.
+
+        Raises:
+            CalibrationError: no camera has such a matrix.
+            ArgumentError, ArgumentTypeError: it is no (3, 4) array of numbers.
+        """
+    @staticmethod
+    def from_fov(
+        fov: float,
+        *,
+        image_size: Sequence[int],
+        vertical: bool = False,
+        position: Sequence[float] = (0.0, 0.0, 0.0),
+        roll: float = 0.0,
+        pitch: float = 0.0,
+        yaw: float = 0.0,
+        lens: _Lens | None = None,
+    ) -> Camera:
+        """A camera from its angle of view, with square pixels and the axis through the image's middle.
+
+        Args:
+            fov: from the left edge of the image to the right, radians.
+            image_size: (width, height), pixels.
+            vertical: the angle is from the top edge to the bottom instead.
+            position: x, y, z in the vehicle frame, metres.
+            roll: left side up, radians.
+            pitch: down, radians.
+            yaw: to the left, radians.
+            lens: a lens; the angle is then that of its pinhole.
+
+        Raises:
+            CalibrationError: the angle cannot be right.
+            ArgumentError, ArgumentTypeError: another argument is wrong.
         """
     def to_json(self) -> str:
         """The camera as JSON text, each float to the last bit; `from_json` gives an equal camera."""

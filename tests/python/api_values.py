@@ -48,6 +48,7 @@ ROADS: list[Any] = [
 LUTS = [ipm_rs.Lut(camera, grid) for camera in CAMERAS[:3] for grid in GRIDS]
 RIG = ipm_rs.Rig({"front": CAMERAS[1], "left": CAMERAS[0], "back": CAMERAS[5]})
 BOWL = ipm_rs.Bowl(5)
+GROUND_POINTS = np.array([[5.0, 1, 0], [6, -1, 0], [9, 2, 0], [12, -2, 0], [8, 0, 0]])
 RIG_LUTS = [ipm_rs.RigLut(RIG, grid, blend=blend) for grid, blend in zip(GRIDS, ("best", "feather"), strict=False)]
 FILES = ("cloud.bin", "cloud.npy", "cloud.ply", "cloud.pcd")
 
@@ -347,6 +348,26 @@ RECIPES: dict[str, Callable[[Values], tuple[Callable[..., Any], Arguments]]] = {
     "Camera.ground_from_pixels": _rows_of_pixels("ground_from_pixels", ground=PARAMETERS["ground"]),
     "Camera.resized": lambda v: (v.rng.choice(CAMERAS).resized, {"width": 32, "height": 24}),
     "Camera.cropped": lambda v: (v.rng.choice(CAMERAS).cropped, {"x": 3, "y": 4, "width": 32, "height": 24}),
+    "Camera.from_ground_points": lambda v: (
+        ipm_rs.Camera.from_ground_points,
+        {
+            "pixels": CAMERAS[0].project(GROUND_POINTS)[0],
+            "ground_points": GROUND_POINTS[:, :2],
+            "K": K.copy(),
+            "image_size": (WIDTH, HEIGHT),
+            "lens": CAMERAS[0].lens,
+            "ground": 0.0,
+            "tolerance": 4.0,
+        },
+    ),
+    "Camera.from_projection": lambda v: (
+        ipm_rs.Camera.from_projection,
+        {"P": K @ CAMERAS[0].camera_from_vehicle[:3], "image_size": (WIDTH, HEIGHT)},
+    ),
+    "Camera.from_fov": lambda v: (
+        ipm_rs.Camera.from_fov,
+        {"fov": 1.2, "image_size": (WIDTH, HEIGHT), "vertical": False, "pitch": 0.1, "lens": None},
+    ),
     "Camera.masked": lambda v: (
         v.rng.choice(CAMERAS).masked,
         {"mask": textured(HEIGHT, WIDTH, 1)[..., 0] > 99, "hide": [[3, 4], [9, 4], [5, 9]]},

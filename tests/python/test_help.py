@@ -13,7 +13,10 @@ import ipm_rs
 from ipm_rs import _core
 from ipm_rs.calibration import FORMATS
 
-ATTACHED = {"Camera.load", "Camera.load_all", *(f"Camera.from_{name}" for name in FORMATS)}
+ATTACHED = {
+    *(f"Camera.{name}" for name in ("load", "load_all", "from_ground_points", "from_projection", "from_fov")),
+    *(f"Camera.from_{name}" for name in FORMATS),
+}
 """Written in Python, with docstrings of their own, which go further than the stub's."""
 
 STUB = ast.parse((pathlib.Path(ipm_rs.__file__).parent / "_core.pyi").read_text(encoding="utf-8"))

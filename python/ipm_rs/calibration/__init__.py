@@ -108,6 +108,10 @@ def __getattr__(name: str) -> Any:
 _METHODS = {
     "load": Attached("load", "ipm_rs.calibration._load", "load"),
     "load_all": Attached("load_all", "ipm_rs.calibration._load", "load_all"),
+    # what is no file's: cameras of what is known otherwise
+    "from_ground_points": Attached("from_ground_points", "ipm_rs.refine._points", "camera_from_ground_points"),
+    "from_projection": Attached("from_projection", "ipm_rs.refine._known", "from_projection"),
+    "from_fov": Attached("from_fov", "ipm_rs.refine._known", "from_fov"),
     **{f"from_{name}": Attached(f"from_{name}", f"ipm_rs.calibration.{name}", "read") for name in FORMATS},
 }
 for _name, _method in _METHODS.items():

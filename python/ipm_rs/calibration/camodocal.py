@@ -30,6 +30,7 @@ import numpy as np
 
 from ipm_rs._arguments import check_word
 from ipm_rs._core import BrownConrady, Camera, KannalaBrandt, Mei, Ocam
+from ipm_rs.calibration import kitti_360
 from ipm_rs.calibration._bodies import on_body, pick
 from ipm_rs.calibration._camera import build
 from ipm_rs.calibration._checks import Matrix, Section, blame, pinhole, rigid, rotation
@@ -63,6 +64,8 @@ def missing(document: Document) -> str | None:
     tree = document.tree
     if _named(tree) and not document.is_json:
         return None
+    if kitti_360.missing(document) is None:  # its fisheyes, beside its other files
+        return f"{kitti_360.TITLE}'s"
     if not has(tree, "model_type"):
         return "no key 'model_type'"
     parts = ("projection_parameters", "affine_parameters")

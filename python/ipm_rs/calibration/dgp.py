@@ -8,7 +8,7 @@ The format, after DGP's ``sample.proto`` and ``geometry.proto``: three lists of 
   axes are optical (x right, y down, z forward).
 * ``intrinsics``: ``fx fy cx cy skew``, all 0 for a lidar; ``k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4 taux tauy`` in OpenCV's
   meaning, or with ``fisheye`` 1 the k1 to k4 of ``cv2.fisheye``. Models of ``alpha, beta, xi, w`` are refused: DGP does
-  not say which of them holds. Pixel (0, 0) is read as the centre of the first; the format does not say.
+  not say which of them holds. That pixel (0, 0) is the centre of the first is assumed; the format does not say.
 
 It has no image size: DDAD's images are 1936 x 1216. The frame has x forward, y left, z up in DDAD; where its road lies
 is not stated, so measure it in a point cloud and pass it as ``ground=``.
@@ -111,7 +111,8 @@ def _sensors(content: Section) -> list[tuple[str, Section, Section]]:
 
 
 def _is_camera(place: Section) -> bool:
-    return bool(place.content.get("fx"))
+    fx = place.content.get("fx")  # 0 for a lidar
+    return fx is not None and not (isinstance(fx, (int, float)) and fx == 0)
 
 
 def _or_zero(place: Section, key: str) -> float:

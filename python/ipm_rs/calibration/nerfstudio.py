@@ -4,13 +4,15 @@ The format, after nerfstudio's "data conventions" and instant-ngp's ``colmap2ner
 
 * ``w h fl_x fl_y cx cy k1 k2 k3 k4 p1 p2``, at the top or in a frame of its own; or ``camera_angle_x`` alone, the angle
   of view over the width in radians. Without ``cx, cy`` they are the middle of the image.
-* **The corner of the image is (0, 0)**, as COLMAP, whose numbers these are, has it: 0.5 is subtracted.
+* **The corner of the image is (0, 0)**, as COLMAP, whose numbers these are, has it: 0.5 is subtracted, so that pixel
+  (0, 0) is the centre of the first.
 * ``camera_model``: ``OPENCV`` (the default), ``OPENCV_FISHEYE``, ``PINHOLE``, ``SIMPLE_PINHOLE``; instant-ngp's
   ``is_fisheye`` means ``OPENCV_FISHEYE``. Others are refused.
 * ``frames``: ``file_path`` and ``transform_matrix``, which takes points of the camera to the world. The camera's axes
   are **OpenGL's** (x right, y up, z towards the viewer); they are turned into optical ones here.
 * nerfstudio's world has z up; its origin, heading and scale are whatever the reconstruction left, and there is no road.
-  ``vehicle_from_world=`` and ``metres_per_unit=`` say what is known; without them it is taken for the vehicle frame.
+  ``vehicle_from_world=`` (to x forward, y left, z up) and ``metres_per_unit=`` say what is known; without them it is
+  taken for the vehicle frame. Pass the road's height in that frame as ``ground=``.
 """
 
 from __future__ import annotations

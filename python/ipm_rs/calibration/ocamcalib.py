@@ -14,8 +14,8 @@ a pixel's centre. The direct polynomial is the definition, and is inverted to ro
 it and is used only where the first count is 0. Then the direct one is fitted to it here: how near is logged at level
 INFO by ``ipm_rs.calibration``, more than 0.1 pixels is warned of, and more than 0.5 refused.
 
-The file has no pose and knows no road: the camera is at the origin and looks along +x, unless ``vehicle_from_camera=``
-says how it is mounted; ``ground=`` is minus its height.
+The file has no pose and knows no road: the camera is at the origin and looks along +x, forward, unless
+``vehicle_from_camera=`` says how it is mounted; ``ground=`` is minus its height.
 """
 
 from __future__ import annotations
