@@ -10,8 +10,8 @@ The format, after argoverse-api's ``calibration.py`` and its maintainers' answer
   (optical axes) to the ego vehicle, x forward, y left, z up, its origin at the rear axle.
 
 It has no image size: ring cameras are 1920 x 1200, the stereo pair 2464 x 2056. The road lies below the origin: in
-Argoverse 2, of the same kind of car, ``ground=-0.33``; for this data set it is not stated. That pixel (0, 0) is read as the
-centre of the first; the data set does not say.
+Argoverse 2, of the same kind of car, ``ground=-0.33``; for this data set it is not stated. That pixel (0, 0) is read as
+the centre of the first is assumed; the data set does not say.
 """
 
 from __future__ import annotations
