@@ -1,6 +1,6 @@
 """Draw docs/images/rig.jpg: four fisheyes over the painted road of `ipm_rs.scene`, and the one view that they make.
 
-    python scripts/draw_rig.py docs/images/rig.jpg
+python scripts/draw_rig.py docs/images/rig.jpg
 """
 
 from __future__ import annotations
