@@ -22,6 +22,7 @@ EXPOSURE = {"front": 0.85, "left": 1.1, "back": 1.0, "right": 0.95}
 
 
 def fisheye(x: float, y: float, yaw: float) -> ipm_rs.Camera:
+    """Return a camera of 190 degrees at (x, y), 0.9 m high, that looks down towards a heading in degrees."""
     return ipm_rs.Camera.from_euler(
         K, image_size=SIZE, position=(x, y, 0.9), pitch=np.radians(36), yaw=np.radians(yaw), lens=LENS
     )
@@ -44,6 +45,7 @@ def photograph(camera: ipm_rs.Camera, exposure: float) -> np.ndarray:
 
 
 def main(path: str) -> None:
+    """Write the picture."""
     rig = ipm_rs.Rig(
         {
             "front": fisheye(3.7, 0.0, 0),
