@@ -314,6 +314,14 @@ def test_words_that_are_no_text(text):
             call()
 
 
+NOT_OF_A_PATH = (
+    "from_euler",
+    "from_fov",
+    "from_ground_points",
+    "from_projection",
+    "from_vanishing_point",
+    "from_waymo",
+)
 PATHS = ["a\0b", "\ud800", "\0"]
 
 
@@ -326,7 +334,7 @@ def test_paths_that_no_file_can_have(stem, tmp_path, monkeypatch):
         *(
             lambda read=read: getattr(ipm_rs.Camera, read)(f"{stem}.json")
             for read in dir(ipm_rs.Camera)
-            if read.startswith("from_") and read not in ("from_euler", "from_vanishing_point", "from_waymo")
+            if read.startswith("from_") and read not in NOT_OF_A_PATH
         ),
         lambda: pointfile.read(f"{stem}.bin"),
         lambda: pointfile.write(f"{stem}.ply", POINTS),

@@ -152,9 +152,11 @@ def _fitted(inverse: Matrix, farthest: float, origin: str) -> Matrix:
     angle, rho, slope = angle[keep], rho[keep], slope[keep]
     angle, rho, slope = angle[rho > 0], rho[rho > 0], slope[rho > 0]
     best, error = np.zeros(0), np.inf
-    if len(rho) >= 100:
+    with np.errstate(all="ignore"):  # what overflows fits nothing
         height = rho * np.tan(angle)
         weight = slope * rho / (rho**2 + height**2)  # pixels for a unit of height
+        finite = bool(np.isfinite(weight).all() and np.isfinite(height * weight).all())
+    if len(rho) >= 100 and finite:
         scale = rho.max()
         for degree in range(4, _MOST_TERMS):
             powers = [0, *range(2, degree + 1)]
