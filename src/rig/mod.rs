@@ -1,7 +1,7 @@
 //! Several cameras on one grid: which of them shows a cell best, and one bird's-eye view of all.
 //!
-//! A [`RigLut`] has a table for each camera, of the cells that it shows, and for each row of the grid *pieces*:
-//! neighbouring cells that the same cameras show. Cells of one camera go straight into the output; those of a seam, where
+//! A [`RigLut`] has the table of each camera, and for each row of the grid *pieces*: neighbouring cells that the same
+//! cameras show. Cells of one camera go straight into the output; those of a seam, where
 //! several are mixed, through a little memory that stays in the core's own cache. Weights are integers worked out when
 //! the table is built, so a view depends neither on threads nor on the order of the cameras.
 
