@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ipm_rs.errors import ArgumentError, ArgumentTypeError, FileError, IpmError
 
-__all__ = ["array_of", "check_word", "flag_of", "names_of", "path_text"]
+__all__ = ["array_of", "check_word", "flag_of", "names_of", "number_of", "path_text", "rows_of"]
 
 
 def path_text(name: str, path: Any) -> str:
@@ -106,3 +106,30 @@ def array_of(name: str, value: Any) -> NDArray[Any]:
             f"their place with {name}.filled(value), or leave them out"
         )
     return np.asarray(array)
+
+
+def number_of(name: str, value: Any) -> float:
+    """Return a finite number, or raise ArgumentError for anything else."""
+    array = array_of(name, value)
+    if array.shape != () or array.dtype.kind not in "iuf" or not np.isfinite(array):
+        raise ArgumentError(f"{name}: expected a finite number, got {array.dtype} of shape {array.shape}")
+    return float(array)
+
+
+def rows_of(name: str, values: Any, columns: int) -> NDArray[np.float64]:
+    """Return (N, columns) coordinates of a scene.
+
+    Raises
+    ------
+    ArgumentError, ArgumentTypeError
+        They have another shape, are no numbers, not finite or beyond 1e9.
+    """
+    array = array_of(name, values)
+    if array.dtype.kind not in "iuf":
+        raise ArgumentTypeError(f"{name}: expected numbers, got {array.dtype}")
+    if array.ndim != 2 or array.shape[1] != columns:
+        raise ArgumentError(f"{name}: expected shape (N, {columns}), got {array.shape}")
+    rows = array.astype(np.float64)
+    if not np.isfinite(rows).all() or (np.abs(rows) > 1e9).any():
+        raise ArgumentError(f"{name}: expected finite numbers of a scene, got NaN, infinite or beyond 1e9")
+    return rows

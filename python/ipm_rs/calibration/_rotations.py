@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -10,7 +11,7 @@ import numpy as np
 from ipm_rs.calibration._values import Matrix, items_of, matrix, numbers
 from ipm_rs.errors import CalibrationError
 
-__all__ = ["OPTICAL_FROM_FLU", "inverse", "pinhole", "pose", "quaternion", "rigid", "rotation"]
+__all__ = ["OPTICAL_FROM_FLU", "inverse", "pinhole", "pose", "quaternion", "rigid", "rodrigues", "rotation"]
 
 OPTICAL_FROM_FLU: Matrix = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
 """Axes x forward, y left, z up to the optical ones, x right, y down, z forward."""
@@ -109,3 +110,14 @@ def inverse(T: Matrix) -> Matrix:
 def pinhole(fx: float, fy: float, cx: float, cy: float, skew: float = 0.0) -> Matrix:
     """(3, 3) intrinsic matrix."""
     return np.array([[fx, skew, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
+
+
+def rodrigues(rvec: Matrix) -> Matrix:
+    """Rotation by |rvec| radians about rvec, after Rodrigues."""
+    angle = math.hypot(*rvec)
+    if angle == 0:
+        return np.eye(3)
+    x, y, z = rvec / angle
+    across = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    result: Matrix = np.eye(3) + np.sin(angle) * across + (1 - np.cos(angle)) * (across @ across)
+    return result

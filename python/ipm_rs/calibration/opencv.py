@@ -37,7 +37,6 @@ rectified      ``R1, P1, R2, P2``
 
 from __future__ import annotations
 
-import math
 import zipfile
 import zlib
 from collections.abc import Mapping
@@ -57,6 +56,7 @@ from ipm_rs.calibration._filestorage import plain
 from ipm_rs.calibration._mount import metric, mounted, rigid_argument
 from ipm_rs.calibration._names import Named
 from ipm_rs.calibration._opencvlens import LENSES, flat, lens_of, size_of, three
+from ipm_rs.calibration._rotations import rodrigues
 from ipm_rs.errors import ArgumentError, CalibrationError
 
 if TYPE_CHECKING:
@@ -305,20 +305,9 @@ def _world_pose(
     if isinstance(turn, (list, tuple)) and (len(turn) == 9 or any(isinstance(row, (list, tuple)) for row in turn)):
         R = rotation(turn, rvec[1], nearest=nearest)
     else:
-        R = _rodrigues(numbers(turn, rvec[1], 3))
+        R = rodrigues(numbers(turn, rvec[1], 3))
     world = rigid_argument(vehicle_from_world, "vehicle_from_world", nearest=nearest)
     return metric(rigid(R, three(*tvec)), metres_per_unit, tvec[1]) @ inverse(world)
-
-
-def _rodrigues(rvec: Matrix) -> Matrix:
-    """Rotation by |rvec| radians about rvec, after Rodrigues."""
-    angle = math.hypot(*rvec)
-    if angle == 0:
-        return np.eye(3)
-    x, y, z = rvec / angle
-    across = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    result: Matrix = np.eye(3) + np.sin(angle) * across + (1 - np.cos(angle)) * (across @ across)
-    return result
 
 
 def _rectified(values: Named, side: str | None, nearest: bool) -> tuple[Matrix, Matrix]:

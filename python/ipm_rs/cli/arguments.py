@@ -195,6 +195,13 @@ def add_grid(
     return grid
 
 
+def add_ground(grid: argparse._ArgumentGroup) -> None:
+    """Add the height of the road."""
+    grid.add_argument(
+        "--ground", metavar="HEIGHT", type=real, default=0.0, help="height z of the road in metres (default: 0)"
+    )
+
+
 def resolution(numbers: list[float]) -> float | tuple[float, float]:
     """Return the cell size that --resolution gives, once or for each axis."""
     if len(numbers) > 2:

@@ -10,10 +10,10 @@ from ipm_rs.cli.arguments import (
     Commands,
     add_camera,
     add_grid,
+    add_ground,
     add_image_size,
     check_output,
     load_camera_sized,
-    real,
     resolution,
 )
 from ipm_rs.cli.printing import emit
@@ -46,9 +46,7 @@ PyTorch's grid_sample; .h, arrays for C.""",
     )
     lut.add_argument("--format", choices=tuple(luts.FORMATS), help="which format, where an ending is that of several")
     grid = add_grid(lut, "where a cell is sampled")
-    grid.add_argument(
-        "--ground", metavar="HEIGHT", type=real, default=0.0, help="height z of the road in metres (default: 0)"
-    )
+    add_ground(grid)
     camera = lut.add_argument_group("calibration")
     add_camera(camera)
     add_image_size(camera)

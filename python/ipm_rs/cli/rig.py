@@ -16,6 +16,7 @@ import ipm_rs
 from ipm_rs.cli.arguments import (
     Commands,
     add_grid,
+    add_ground,
     add_reading,
     check_output,
     count,
@@ -66,9 +67,7 @@ the order of their names. An image that cannot be read is left out with --missin
         help="a file; a directory where images are directories",
     )
     grid = add_grid(rig, "where a cell is sampled", x=(-10.0, 10.0))
-    grid.add_argument(
-        "--ground", metavar="HEIGHT", type=real, default=0.0, help="height z of the road in metres (default: 0)"
-    )
+    add_ground(grid)
     grid.add_argument(
         "--bowl",
         metavar=("FLAT", "RADIUS"),

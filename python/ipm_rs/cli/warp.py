@@ -20,6 +20,7 @@ from ipm_rs.cli.arguments import (
     Commands,
     add_camera,
     add_grid,
+    add_ground,
     add_image_size,
     check_output,
     count,
@@ -82,9 +83,7 @@ output decides its format: """
         help="a file for one image; a directory for several, which get the names <image>_bev.png; or a video",
     )
     grid = add_grid(warp, "where a cell is sampled")
-    grid.add_argument(
-        "--ground", metavar="HEIGHT", type=real, default=0.0, help="height z of the road in metres (default: 0)"
-    )
+    add_ground(grid)
     pixels = warp.add_argument_group("pixels")
     pixels.add_argument(
         "--interpolation",
@@ -126,7 +125,7 @@ output decides its format: """
         type=int,
         choices=range(10),
         default=1,
-        help="compression of PNG, 0 to 9 (default: 1; 6 takes four times as long for files a sixth smaller)",
+        help="compression of PNG, 0 to 9 (default: 1; 6 takes three times as long for files a seventh smaller)",
     )
     running.add_argument("--threads", metavar="N", type=count, help="threads of a warp (default: the CPUs there are)")
     running.add_argument("--force", action="store_true", help="replace existing outputs")
@@ -151,7 +150,7 @@ def run(args: argparse.Namespace) -> None:
         args.images = folder.paths_of(str(several))
         if Path(args.output).suffix.lower() in images.FORMATS:
             raise ArgumentError(f"-o: expected a directory for the images of {several}, got {args.output}; give one")
-        args.output = os.path.join(args.output, "")  # noqa: PTH118 - a directory, also for a single image
+        args.output = args.output.rstrip(os.sep) + os.sep  # a directory, also for a single image
     if args.start is not None or args.end is not None:
         raise ArgumentError("--start: expected a video, got images, which have no time; leave --start and --end out")
     args.images = args.images[:: args.every]

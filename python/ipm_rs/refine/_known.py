@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ipm_rs._arguments import array_of
+from ipm_rs._arguments import array_of, flag_of
 from ipm_rs._core import Camera
 from ipm_rs.errors import ArgumentError, ArgumentTypeError, CalibrationError
 
@@ -115,13 +115,11 @@ def from_fov(
         raise ArgumentTypeError(f"fov: expected an angle in radians, got {angle.dtype} of shape {angle.shape}")
     if not 1e-3 < float(angle) < math.pi:
         raise CalibrationError(f"fov: expected radians above 0.001 and below pi, got {float(angle):g}")
-    if not isinstance(vertical, (bool, np.bool_)):
-        raise ArgumentTypeError(f"vertical: expected True or False, got {type(vertical).__name__}")
     size = array_of("image_size", image_size)
     if size.shape != (2,) or size.dtype.kind not in "iu" or size.min() < 1:
         raise ArgumentError("image_size: expected (width, height), two whole numbers of at least 1")
     width, height = int(size[0]), int(size[1])
-    focal: float = (height if vertical else width) / (2 * math.tan(float(angle) / 2))
+    focal: float = (height if flag_of("vertical", vertical) else width) / (2 * math.tan(float(angle) / 2))
     K = np.array([[focal, 0, (width - 1) / 2], [0, focal, (height - 1) / 2], [0, 0, 1]])
     return Camera.from_euler(
         K, image_size=(width, height), position=position, roll=roll, pitch=pitch, yaw=yaw, lens=lens

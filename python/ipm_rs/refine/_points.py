@@ -19,9 +19,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ipm_rs._arguments import array_of
-from ipm_rs._core import Camera, rotation_from_euler
-from ipm_rs.errors import ArgumentError, ArgumentTypeError, CalibrationError
+from ipm_rs._arguments import number_of, rows_of
+from ipm_rs._core import Camera
+from ipm_rs.calibration._rotations import rodrigues
+from ipm_rs.errors import ArgumentError, CalibrationError
 from ipm_rs.refine._solve import Vector, jacobian, minimised
 
 __all__ = ["PoseFit", "camera_from_ground_points", "from_ground_points"]
@@ -30,7 +31,7 @@ _MOST_SAMPLES = 300  # finds four right ones of which 60 % are with a chance of 
 _LEAST_SPREAD = 1e-3  # of the smaller side of a set of points to the larger: below it is a line
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class PoseFit:
     """A pose that was found, and how far it can be trusted."""
 
@@ -44,6 +45,9 @@ class PoseFit:
     """(6, 6) of x, y, z in metres and of turns about the vehicle's x, y, z axes in radians. For pixels whose error is
     that of the residuals, or 1 pixel where there are no more points than the pose needs."""
 
+    ground: float
+    """z of the points that it was found from, metres."""
+
     def ground_deviation(self, xy: ArrayLike) -> NDArray[np.float64]:
         """Return the standard deviation of x and y, (N, 2) metres, of ground points read through this camera.
 
@@ -55,8 +59,8 @@ class PoseFit:
         ArgumentError, ArgumentTypeError
             The points are no (N, 2) array.
         """
-        points = _rows("xy", xy, 2)
-        height = self._height
+        points = rows_of("xy", xy, 2)
+        height = self.ground
         pixels, _, _ = self.camera.project(np.column_stack([points, np.full(len(points), height)]))
 
         def seen(parameters: Vector) -> Vector:
@@ -65,8 +69,6 @@ class PoseFit:
         J = jacobian(seen, np.zeros(6)).reshape(len(points), 2, 6)
         variances = np.einsum("nij,jk,nik->ni", J, self.covariance, J)
         return np.sqrt(variances)
-
-    _height: float = 0.0
 
 
 def from_ground_points(
@@ -110,12 +112,12 @@ def from_ground_points(
     CalibrationError
         `K`, `image_size` or `lens` cannot be right, or most pixels lie where the lens sees nothing.
     """
-    seen, points = _rows("pixels", pixels, 2), _rows("ground_points", ground_points, 2)
+    seen, points = rows_of("pixels", pixels, 2), rows_of("ground_points", ground_points, 2)
     if len(seen) != len(points):
         raise ArgumentError(f"pixels, ground_points: expected as many of both, got {len(seen)} and {len(points)}")
     if len(seen) < 4:
         raise ArgumentError(f"pixels: expected at least 4 points of the ground, got {len(seen)}; survey more")
-    height, limit = _number("ground", ground), _number("tolerance", tolerance)
+    height, limit = number_of("ground", ground), number_of("tolerance", tolerance)
     if limit <= 0:
         raise ArgumentError(f"tolerance: expected pixels above 0, got {limit:g}")
     _check_spread(points)
@@ -294,7 +296,7 @@ class _Problem:
         size = float(np.linalg.norm(axis))
         if size < 1e-9:
             return pose
-        turn = _rotation(axis / size * math.atan2(size, cosine))
+        turn = rodrigues(axis / size * math.atan2(size, cosine))
         other = np.eye(4)
         other[:3, :3] = turn @ pose[:3, :3]
         other[:3, 3] = pose[:3, :3] @ middle + pose[:3, 3] - other[:3, :3] @ middle
@@ -305,22 +307,11 @@ def _posed(camera: Camera, parameters: Vector) -> Camera:
     """Return a camera moved by x, y, z and turned about the vehicle's axes at its own place."""
     pose = camera.vehicle_from_camera
     moved = np.eye(4)
-    moved[:3, :3] = _rotation(parameters[3:]) @ pose[:3, :3]
+    moved[:3, :3] = rodrigues(parameters[3:]) @ pose[:3, :3]
     moved[:3, 3] = pose[:3, 3] + parameters[:3]
     inverse = np.eye(4)
     inverse[:3, :3], inverse[:3, 3] = moved[:3, :3].T, -moved[:3, :3].T @ moved[:3, 3]
     return camera.with_pose(inverse)
-
-
-def _rotation(vector: Vector) -> NDArray[np.float64]:
-    """Rotation by |vector| radians about a vector, after Rodrigues."""
-    angle = float(np.linalg.norm(vector))
-    if angle == 0 or not math.isfinite(angle):
-        return np.eye(3) if angle == 0 else rotation_from_euler(0.0, 0.0, 0.0)
-    x, y, z = vector / angle
-    across = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    turned: NDArray[np.float64] = np.eye(3) + math.sin(angle) * across + (1 - math.cos(angle)) * (across @ across)
-    return turned
 
 
 def _narrowness(points: NDArray[np.float64]) -> float:
@@ -332,22 +323,3 @@ def _narrowness(points: NDArray[np.float64]) -> float:
 def _check_spread(points: NDArray[np.float64]) -> None:
     if _narrowness(points) < _LEAST_SPREAD:
         raise ArgumentError("ground_points: expected points that are not all on one line; survey some beside it")
-
-
-def _rows(name: str, values: ArrayLike, columns: int) -> NDArray[np.float64]:
-    array = array_of(name, values)
-    if array.dtype.kind not in "iuf":
-        raise ArgumentTypeError(f"{name}: expected numbers, got {array.dtype}")
-    if array.ndim != 2 or array.shape[1] != columns:
-        raise ArgumentError(f"{name}: expected shape (N, {columns}), got {array.shape}")
-    rows = array.astype(np.float64)
-    if not np.isfinite(rows).all() or (np.abs(rows) > 1e9).any():
-        raise ArgumentError(f"{name}: expected finite numbers of a scene, got NaN, infinite or beyond 1e9")
-    return rows
-
-
-def _number(name: str, value: float) -> float:
-    array = array_of(name, value)
-    if array.shape != () or array.dtype.kind not in "iuf" or not np.isfinite(array):
-        raise ArgumentError(f"{name}: expected a finite number, got {array.dtype} of shape {array.shape}")
-    return float(array)

@@ -43,7 +43,7 @@ class Agreement:
     """Of their pictures after that shift."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class PairView:
     """Tables of two cameras for the part of a grid that both see."""
 

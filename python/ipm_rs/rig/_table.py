@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ipm_rs._arguments import array_of, names_of
+from ipm_rs._arguments import array_of, names_of, number_of
 from ipm_rs._core import BevGrid, Camera, HeightMap, Plane, _RigTable
 from ipm_rs.errors import ArgumentError, ArgumentTypeError
 from ipm_rs.rig._agreement import Agreement, PairView, pair_views
@@ -332,15 +332,13 @@ class RigLut:
             As for `warp`; `farthest` is no number above 0.
         """
         given = self._by_name(images)
-        reach = array_of("farthest", farthest)
-        if reach.shape != () or reach.dtype.kind not in "iuf":
-            raise ArgumentError(f"farthest: expected metres, got {reach.dtype} of shape {reach.shape}")
-        if not 0 < float(reach) <= 100:
-            raise ArgumentError(f"farthest: expected metres above 0, up to 100, got {float(reach):g}")
-        if self._pairs is None or self._pairs[0] != float(reach):
+        reach = number_of("farthest", farthest)
+        if not 0 < reach <= 100:
+            raise ArgumentError(f"farthest: expected metres above 0, up to 100, got {reach:g}")
+        if self._pairs is None or self._pairs[0] != reach:
             seen = {name: self._table.seen(place) for place, name in enumerate(self._rig)}
             surface = _surface(self._ground, self._grid)
-            self._pairs = float(reach), pair_views(self._rig, seen, self._grid, surface, float(reach))
+            self._pairs = reach, pair_views(self._rig, seen, self._grid, surface, reach)
         there = {name: image for name, image in given.items() if image is not None}
         return {
             pair: view.compare((there[pair[0]], there[pair[1]]))

@@ -76,7 +76,7 @@ def warp(
         Of the files in a folder: ``".png"`` (default), ``".jpg"``, ``".tif"``, ``".bmp"``, ``".npy"``, or ``".npz"``
         for shards of 64 pictures.
     level : int
-        Of PNG's compression, 0 to 9. 1 takes a fourth of the time of 6, Pillow's own, and makes files a sixth larger.
+        Of PNG's compression, 0 to 9. 1 takes a third of the time of 6, Pillow's own, and makes files a sixth larger.
     report : callable, optional
         Called with each frame's ticket, and its error or None, in order.
     **options
