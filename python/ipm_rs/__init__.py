@@ -67,6 +67,7 @@ from ipm_rs.errors import (
 )
 from ipm_rs.layers import Layers
 from ipm_rs.rig import Bowl, Rig, RigLut
+from ipm_rs.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from ipm_rs import pointfile, reference, streams
@@ -102,6 +103,7 @@ __all__ = [
     "RadialPolynomial",
     "Rig",
     "RigLut",
+    "Trajectory",
     "__version__",
     "calibration",
     "cpu_info",

@@ -48,6 +48,9 @@ ROADS: list[Any] = [
 LUTS = [ipm_rs.Lut(camera, grid) for camera in CAMERAS[:3] for grid in GRIDS]
 RIG = ipm_rs.Rig({"front": CAMERAS[1], "left": CAMERAS[0], "back": CAMERAS[5]})
 BOWL = ipm_rs.Bowl(5)
+TRAJECTORY = ipm_rs.Trajectory(
+    [0.0, 1, 2, 3], [ipm_rs.Camera.from_euler(K, image_size=(2, 2), yaw=0.1 * k).vehicle_from_camera for k in range(4)]
+)
 GROUND_POINTS = np.array([[5.0, 1, 0], [6, -1, 0], [9, 2, 0], [12, -2, 0], [8, 0, 0]])
 RIG_LUTS = [ipm_rs.RigLut(RIG, grid, blend=blend) for grid, blend in zip(GRIDS, ("best", "feather"), strict=False)]
 FILES = ("cloud.bin", "cloud.npy", "cloud.ply", "cloud.pcd")
@@ -329,6 +332,16 @@ RECIPES: dict[str, Callable[[Values], tuple[Callable[..., Any], Arguments]]] = {
     ),
     "RigLut.save": lambda v: (RIG_LUTS[0].save, {"path": v.folder / "rig-written.ipmlut"}),
     "RigLut.load": lambda v: (ipm_rs.RigLut.load, {"path": v.folder / "ring.ipmlut"}),
+    "Trajectory": _with(
+        ipm_rs.Trajectory,
+        lambda v: {"timestamps": [0.0, 0.5, 2], "poses": TRAJECTORY.poses[:3].copy(), "max_gap": 2.0, "offset": 0.1},
+    ),
+    "Trajectory.load": lambda v: (
+        ipm_rs.Trajectory.load,
+        {"path": v.folder / "poses.txt", "timestamps": np.arange(4) * 0.1, "vehicle_from_sensor": np.eye(4)},
+    ),
+    "Trajectory.at": lambda v: (TRAJECTORY.at, {"timestamps": v.rng.choice([0.5, [0.0, 1.5]])}),
+    "Trajectory.covers": lambda v: (TRAJECTORY.covers, {"timestamps": v.rng.choice([0.5, [0.0, 99]])}),
     "Bowl": _with(ipm_rs.Bowl, lambda v: {"flat": 4.0, "radius": 3.0, "center": (1.0, 0.0), "steepest": 50}),
     "Bowl.height_at": lambda v: (BOWL.height_at, {"xy": np.arange(18.0).reshape(9, 2)}),
     "Bowl.height_map": lambda v: (BOWL.height_map, {"grid": GRIDS[0]}),
@@ -401,7 +414,18 @@ RECIPES: dict[str, Callable[[Values], tuple[Callable[..., Any], Arguments]]] = {
         ipm_rs.Layers, lambda v: {"layers": {"max": np.zeros((2, 2))}, "inside": 1, "outside": 2, "ignored": 3}
     ),
 }
-OBJECTS = [BOWL, *CAMERAS, *GRIDS, *ROADS[2:], *LUTS, *LENSES.values(), ipm_rs.PixelRays(CAMERAS[1]), RIG, *RIG_LUTS]
+OBJECTS = [
+    BOWL,
+    TRAJECTORY,
+    *CAMERAS,
+    *GRIDS,
+    *ROADS[2:],
+    *LUTS,
+    *LENSES.values(),
+    ipm_rs.PixelRays(CAMERAS[1]),
+    RIG,
+    *RIG_LUTS,
+]
 SKIPPED = {
     "Camera.load",
     "Camera.load_all",
@@ -475,6 +499,7 @@ def write_files(folder: pathlib.Path) -> None:
     RIG.save(folder / "rig.json")
     LUTS[0].save(folder / "front.ipmlut")
     RIG_LUTS[0].save(folder / "ring.ipmlut")
+    np.savetxt(folder / "poses.txt", TRAJECTORY.poses[:, :3].reshape(-1, 12))
     points = np.random.default_rng(2).uniform(-5, 15, (50, 3)).astype("f4")
     for name in FILES:
         pointfile.write(folder / name, points, {"intensity": points[:, 0]})

@@ -50,6 +50,7 @@ MEMBERS = {
     "Layers": "",
     "Rig": "cameras subset moved to_json save load",
     "RigLut": "rig grid ground shape nbytes mask source weights warp without gains agreement save load",
+    "Trajectory": "load timestamps poses max_gap start end covers at",
     "Bowl": "flat radius center height steepest height_at height_map",
 }
 BASES = {
