@@ -70,7 +70,7 @@ from ipm_rs.rig import Bowl, Rig, RigLut
 from ipm_rs.trajectory import Trajectory
 
 if TYPE_CHECKING:
-    from ipm_rs import pointfile, reference, streams
+    from ipm_rs import pointfile, reference, refine, streams
 
 __all__ = [
     "ArgumentError",
@@ -124,6 +124,7 @@ __all__ = [
     "rasterize_boxes",
     "rasterize_polygons",
     "reference",
+    "refine",
     "remap",
     "render_points",
     "rotation_from_euler",
@@ -135,7 +136,7 @@ __all__ = [
 
 
 def __getattr__(name: str) -> object:
-    if name in ("pointfile", "reference", "streams"):  # when they are asked for: few programs need them
+    if name in ("pointfile", "reference", "refine", "streams"):  # when they are asked for: few programs need them
         return importlib.import_module(f"ipm_rs.{name}")
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 

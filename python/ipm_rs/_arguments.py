@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 import os
 from typing import Any
 
@@ -108,11 +109,20 @@ def array_of(name: str, value: Any) -> NDArray[Any]:
     return np.asarray(array)
 
 
-def number_of(name: str, value: Any) -> float:
-    """Return a finite number, or raise ArgumentError for anything else."""
+def number_of(name: str, value: Any, *, low: float = -math.inf, high: float = math.inf, what: str = "") -> float:
+    """Return a finite number between two limits, which are not allowed themselves; `what` follows it in messages.
+
+    Raises
+    ------
+    ArgumentError, ArgumentTypeError
+        It is none.
+    """
     array = array_of(name, value)
-    if array.shape != () or array.dtype.kind not in "iuf" or not np.isfinite(array):
-        raise ArgumentError(f"{name}: expected a finite number, got {array.dtype} of shape {array.shape}")
+    if array.shape != () or array.dtype.kind not in "iuf":
+        raise ArgumentTypeError(f"{name}: expected a number{what}, got {array.dtype} of shape {array.shape}")
+    if not (np.isfinite(array) and low < array < high):
+        limits = (f" above {low:g}" if low > -math.inf else "") + (f" and below {high:g}" if high < math.inf else "")
+        raise ArgumentError(f"{name}: expected a finite number{limits}{what}, got {float(array):g}; correct it")
     return float(array)
 
 

@@ -1147,13 +1147,14 @@ class Camera:
         pixels: ArrayLike,
         ground_points: ArrayLike,
         *,
-        K: ArrayLike,
         image_size: Sequence[int],
+        K: ArrayLike | None = None,
         lens: _Lens | None = None,
-        ground: float = 0.0,
+        ground: float | Plane | HeightMap = 0.0,
+        principal_point: Sequence[float] | None = None,
         tolerance: float = 4.0,
     ) -> Camera:
-        """A camera from points of a level ground that were surveyed and found in its raw image, through any lens.
+        """A camera from points of the road that were surveyed and found in its raw image, through any lens.
 
         Four points are enough; with more, wrong ones are left out. `ipm_rs.refine.from_ground_points` takes the same and
         says how far the pose can be trusted.
@@ -1161,14 +1162,46 @@ class Camera:
         Args:
             pixels: (N, 2), where the image shows the points.
             ground_points: (N, 2), (x, y) of the points in the vehicle frame, metres.
-            K: (3, 3) intrinsic matrix, pixels.
             image_size: (width, height), pixels.
+            K: (3, 3) intrinsic matrix, pixels; without it the focal length is found too, of square pixels.
             lens: the lens; a pinhole if not given.
-            ground: z of the points, metres.
+            ground: the road that the points are on: its height, or a surface.
+            principal_point: where K is not known, (cx, cy); the middle of the image if not given.
             tolerance: points that are farther off than this, pixels, are taken for mistakes.
 
         Raises:
-            ArgumentError, ArgumentTypeError: fewer than 4 points, all on a line, their mirror image, or no four that agree.
+            ArgumentError, ArgumentTypeError: fewer than 4 points, all on a line, their mirror image, no four that agree, or
+                points that do not tell the focal length.
+            CalibrationError: K, the size or the lens cannot be right.
+        """
+    @staticmethod
+    def from_points(
+        pixels: ArrayLike,
+        points: ArrayLike,
+        *,
+        image_size: Sequence[int],
+        K: ArrayLike | None = None,
+        lens: _Lens | None = None,
+        principal_point: Sequence[float] | None = None,
+        tolerance: float = 4.0,
+    ) -> Camera:
+        """A camera from points of any height that were surveyed and found in its raw image, through any lens.
+
+        Of three points up to four poses are right: the most upright one is taken. `ipm_rs.refine.from_points` gives the
+        others too, and says how far the pose can be trusted.
+
+        Args:
+            pixels: (N, 2), where the image shows the points, at least 3; at least 4 without K.
+            points: (N, 3), the points in the vehicle frame, metres.
+            image_size: (width, height), pixels.
+            K: (3, 3) intrinsic matrix, pixels; without it the focal length is found too, of square pixels.
+            lens: the lens; a pinhole if not given.
+            principal_point: where K is not known, (cx, cy); the middle of the image if not given.
+            tolerance: points that are farther off than this, pixels, are taken for mistakes.
+
+        Raises:
+            ArgumentError, ArgumentTypeError: too few points, all on a line, too few that agree, or points that do not tell
+                the focal length.
             CalibrationError: K, the size or the lens cannot be right.
         """
     @staticmethod

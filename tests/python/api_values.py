@@ -51,6 +51,7 @@ BOWL = ipm_rs.Bowl(5)
 TRAJECTORY = ipm_rs.Trajectory(
     [0.0, 1, 2, 3], [ipm_rs.Camera.from_euler(K, image_size=(2, 2), yaw=0.1 * k).vehicle_from_camera for k in range(4)]
 )
+LIFTED = np.array([[0, 0, 0.0], [0, 0, 0.5], [0, 0, 1], [0, 0, 0.2], [0, 0, 1.2]])
 GROUND_POINTS = np.array([[5.0, 1, 0], [6, -1, 0], [9, 2, 0], [12, -2, 0], [8, 0, 0]])
 RIG_LUTS = [ipm_rs.RigLut(RIG, grid, blend=blend) for grid, blend in zip(GRIDS, ("best", "feather"), strict=False)]
 FILES = ("cloud.bin", "cloud.npy", "cloud.ply", "cloud.pcd")
@@ -369,7 +370,18 @@ RECIPES: dict[str, Callable[[Values], tuple[Callable[..., Any], Arguments]]] = {
             "K": K.copy(),
             "image_size": (WIDTH, HEIGHT),
             "lens": CAMERAS[0].lens,
-            "ground": 0.0,
+            "ground": v.rng.choice([0.0, ipm_rs.Plane(normal=(0, 0, 1))]),
+            "tolerance": 4.0,
+        },
+    ),
+    "Camera.from_points": lambda v: (
+        ipm_rs.Camera.from_points,
+        {
+            "pixels": CAMERAS[1].project(GROUND_POINTS + LIFTED)[0],
+            "points": GROUND_POINTS + LIFTED,
+            "K": v.rng.choice([K.copy(), None]),
+            "image_size": (WIDTH, HEIGHT),
+            "lens": CAMERAS[1].lens,
             "tolerance": 4.0,
         },
     ),

@@ -318,6 +318,7 @@ NOT_OF_A_PATH = (
     "from_euler",
     "from_fov",
     "from_ground_points",
+    "from_points",
     "from_projection",
     "from_vanishing_point",
     "from_waymo",

@@ -22,6 +22,7 @@ READERS = {name for name in dir(ipm_rs.Camera) if name.startswith("from_")} - {
     "from_euler",
     "from_fov",
     "from_ground_points",
+    "from_points",
     "from_projection",
     "from_vanishing_point",
 }

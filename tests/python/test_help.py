@@ -14,7 +14,8 @@ from ipm_rs import _core
 from ipm_rs.calibration import FORMATS
 
 ATTACHED = {
-    *(f"Camera.{name}" for name in ("load", "load_all", "from_ground_points", "from_projection", "from_fov")),
+    *(f"Camera.from_{name}" for name in ("ground_points", "points", "projection", "fov")),
+    *("Camera.load", "Camera.load_all"),
     *(f"Camera.from_{name}" for name in FORMATS),
 }
 """Written in Python, with docstrings of their own, which go further than the stub's."""

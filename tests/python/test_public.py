@@ -27,7 +27,7 @@ CLASSES = [name for name, value in PUBLIC.items() if isinstance(value, type) and
 FUNCTIONS = [name for name, value in PUBLIC.items() if inspect.isroutine(value)]
 MEMBERS = {
     "Camera": (
-        "from_euler from_ground_points from_projection from_fov load load_all save to_json intrinsics "
+        "from_euler from_ground_points from_points from_projection from_fov load load_all save to_json intrinsics "
         "lens image_size camera_from_vehicle vehicle_from_camera position project unproject "
         "ground_from_pixels resized cropped with_pose binned rotated180 mirrored masked mask "
         "from_vanishing_point pixels_from_cells cells_from_pixels project_polyline horizon horizon_line "

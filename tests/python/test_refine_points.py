@@ -147,3 +147,75 @@ def test_an_angle_of_view():
             ipm_rs.Camera.from_fov(wrong, image_size=(640, 480))
     with refuses(errors.ArgumentTypeError, "vertical"):
         ipm_rs.Camera.from_fov(1.0, image_size=(640, 480), vertical="yes")
+
+
+def differences(found: ipm_rs.Camera, true: ipm_rs.Camera) -> float:
+    return float(np.abs(found.vehicle_from_camera - true.vehicle_from_camera).max())
+
+
+@pytest.mark.parametrize("lens", [None, LENSES["kannala"]])
+def test_the_focal_length_is_found_too(lens):
+    square = np.diag([1, 420 / 415, 1]) @ np.array(K) * (np.array([[1, 0, 1], [1, 1, 1], [1, 1, 1]]))
+    true = ipm_rs.Camera.from_euler(square, image_size=SIZE, position=(0.4, -0.2, 2.1), pitch=0.45, lens=lens)
+    options = {"image_size": SIZE, "lens": lens, "principal_point": true.intrinsics[:2, 2]}
+    found = refine.from_ground_points(clicks(true), GROUND, **options)
+    assert differences(found.camera, true) < 1e-9 and abs(found.camera.intrinsics[0, 0] - 420) < 1e-6
+    assert found.covariance.shape == (7, 7) and "focal_length" in str(sorted(found.deviations))
+    down = ipm_rs.Camera.from_euler(K, image_size=SIZE, position=(0, 0, 5), pitch=np.pi / 2)
+    square = np.array([[1, 1.0], [-1, 2], [-1, -1.5], [1, -1]])
+    with refuses(
+        errors.ArgumentError, "expected points that tell"
+    ):  # twice as high with twice the focal length looks the same
+        refine.from_ground_points(clicks(down, square), square, image_size=SIZE, principal_point=(640, 470))
+    with refuses(errors.ArgumentError, "principal_point"):
+        refine.from_ground_points(clicks(true), GROUND, K=K, **options)
+
+
+def test_focal_lengths_are_off_by_what_is_stated():
+    true = ipm_rs.Camera.from_fov(1.3, image_size=SIZE, position=(0.4, -0.2, 2.1), pitch=0.3)
+    ratio = []
+    for seed in range(20):
+        pixels = clicks(true) + np.random.default_rng(seed).normal(0, 1, (9, 2))
+        found = refine.from_ground_points(pixels, GROUND, image_size=SIZE)
+        ratio.append((found.camera.intrinsics[0, 0] - true.intrinsics[0, 0]) / found.deviations["focal_length"])
+    assert 9 <= np.sum(np.abs(ratio) < 1) <= 18 and np.sum(np.abs(ratio) < 2) >= 17
+
+
+def test_a_road_that_climbs():
+    climb = ipm_rs.Plane.from_angles(slope=0.1, bank=-0.05, height=0.2)
+    true = camera(LENSES["eucm"])
+    pixels = true.project(GROUND, ground=climb)[0]
+    found = refine.from_ground_points(pixels, GROUND, K=K, image_size=SIZE, lens=true.lens, ground=climb)
+    assert differences(found.camera, true) < 1e-9
+    seen = found.ground_deviation([[6.0, 0.0], [-50.0, 0.0]])
+    assert np.isfinite(seen[0]).all() and np.isinf(seen[1]).all(), "what is behind is not known at all"
+    unknown = ipm_rs.HeightMap(np.zeros((4, 4)), origin=(0, -1), spacing=1.0)
+    with refuses(errors.ArgumentError, "knows the road", "leave it out"):
+        refine.from_ground_points(pixels, GROUND, K=K, image_size=SIZE, lens=true.lens, ground=unknown)
+
+
+@pytest.mark.parametrize("name", LENSES)
+def test_points_of_any_height(name):
+    true = camera(LENSES[name])
+    points = np.column_stack([GROUND, [0, 0.5, 1.2, 0.3, 1.9, 0.1, 0.7, 1.1, 0.2]])
+    options = {"K": K, "image_size": SIZE, "lens": true.lens}
+    pixels = true.project(points)[0]
+    assert differences(ipm_rs.Camera.from_points(pixels, points, **options), true) < 1e-9
+    three = refine.from_points(pixels[:3], points[:3], **options)
+    every = [three.camera, *three.alternatives]
+    assert min(differences(each, true) for each in every) < 1e-7
+    for each in every:
+        np.testing.assert_allclose(each.project(points[:3])[0], pixels[:3], atol=1e-6)
+    up = [-each.vehicle_from_camera[2, 1] for each in every]
+    assert up == sorted(up, reverse=True), "the most upright comes first"
+    with refuses(errors.ArgumentError, "at least 4"):
+        refine.from_points(pixels[:3], points[:3], image_size=SIZE)
+
+
+def test_a_camera_that_looks_straight_down_has_finite_deviations():
+    down = ipm_rs.Camera.from_euler(K, image_size=SIZE, position=(0, 0, 5), pitch=np.pi / 2)
+    square = np.array([[1, 1.0], [-1, 2], [-1, -1.5], [1, -1]])
+    found = refine.from_ground_points(clicks(down, square), square, K=K, image_size=SIZE)
+    assert differences(found.camera, down) < 1e-9
+    assert max(found.deviations[name] for name in ("roll", "pitch", "yaw")) < 0.05
+    assert "4 of 4 points" in str(found) and "at 40 m" in str(found)

@@ -110,6 +110,7 @@ _METHODS = {
     "load_all": Attached("load_all", "ipm_rs.calibration._load", "load_all"),
     # what is no file's: cameras of what is known otherwise
     "from_ground_points": Attached("from_ground_points", "ipm_rs.refine._points", "camera_from_ground_points"),
+    "from_points": Attached("from_points", "ipm_rs.refine._points", "camera_from_points"),
     "from_projection": Attached("from_projection", "ipm_rs.refine._known", "from_projection"),
     "from_fov": Attached("from_fov", "ipm_rs.refine._known", "from_fov"),
     **{f"from_{name}": Attached(f"from_{name}", f"ipm_rs.calibration.{name}", "read") for name in FORMATS},

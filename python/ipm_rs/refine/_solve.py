@@ -1,58 +1,96 @@
-"""Nonlinear least squares for a handful of parameters (Levenberg 1944, Marquardt 1963)."""
+"""Levenberg-Marquardt on normal equations: the one solver of everything that is refined here."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["jacobian", "minimised"]
+__all__ = ["Normal", "inverse_of", "minimise"]
 
-Vector = NDArray[np.float64]
+State = TypeVar("State")
 
-# Parameters are metres and radians: a step of 1e-6 moves pixels by about 1e-3, of which float64 keeps ten digits.
-_STEP = 1e-6
-
-
-def jacobian(residuals: Callable[[Vector], Vector], at: Vector) -> Vector:
-    """Return how residuals change with each parameter, (residuals, parameters), by central differences."""
-    columns = []
-    for index in range(len(at)):
-        step = np.zeros_like(at)
-        step[index] = _STEP
-        columns.append((residuals(at + step) - residuals(at - step)) / (2 * _STEP))
-    return np.stack(columns, axis=1)
+_MOST_DAMPING = 1e9
 
 
-def minimised(residuals: Callable[[Vector], Vector], start: Vector, *, most_steps: int = 60) -> tuple[Vector, float]:
-    """Return the parameters near `start` of the smallest sum of squares, and that sum.
+@dataclass(frozen=True)
+class Normal:
+    """Half the sum of squares at a state, its gradient, and the Gauss-Newton matrix ``J^T J``."""
 
-    Residuals that are not finite count as no improvement, so a step out of the model's domain is taken back.
+    cost: float
+    gradient: NDArray[np.float64]
+    hessian: NDArray[np.float64]
+
+    @staticmethod
+    def of(residuals: NDArray[np.float64], jacobian: NDArray[np.float64]) -> Normal:
+        """Return the normal equations of residuals (N,) and their derivatives (N, P)."""
+        return Normal(0.5 * float(residuals @ residuals), jacobian.T @ residuals, jacobian.T @ jacobian)
+
+
+def minimise(
+    evaluate: Callable[[State], Normal],
+    state: State,
+    move: Callable[[State, NDArray[np.float64]], State],
+    *,
+    iterations: int = 60,
+    tolerance: float = 1e-12,
+) -> tuple[State, Normal]:
+    """Walk downhill from a state.
+
+    Parameters
+    ----------
+    evaluate : callable
+        The normal equations at a state; a cost that is not finite marks a state that cannot be.
+    state : object
+        Where to begin.
+    move : callable
+        The state after a step, (P,), from another: states need be no vectors.
+    iterations : int
+        At most so many evaluations.
+    tolerance : float
+        Ends when a step lowers the cost by a smaller part than this.
+
+    Returns
+    -------
+    (state, Normal)
+        The best state and its normal equations.
     """
-    at, damping = start.copy(), 1e-3
-    now = residuals(at)
-    cost = _cost(now)
-    for _ in range(most_steps):
-        J = jacobian(residuals, at)
-        if not np.isfinite(J).all():
-            break
-        normal, gradient = J.T @ J, J.T @ now
-        while damping < 1e12:
-            step = np.linalg.lstsq(normal + damping * np.diag(np.diag(normal) + 1e-12), -gradient, rcond=None)[0]
-            then = residuals(at + step)
-            if _cost(then) < cost:
+    current = evaluate(state)
+    damping = 1e-4
+    for _ in range(iterations):
+        # Marquardt's scaling: parameters in metres and in radians are damped alike
+        scale = np.maximum(np.diag(current.hessian), 1e-300)
+        damped = current.hessian + damping * np.diag(scale)
+        try:
+            step = np.asarray(np.linalg.solve(damped, -1.0 * current.gradient), dtype=np.float64)
+        except np.linalg.LinAlgError:
+            step = np.full(len(scale), np.nan)
+        trial_state = move(state, step) if np.isfinite(step).all() else state
+        trial = evaluate(trial_state) if trial_state is not state else current
+        if trial.cost < current.cost:
+            gained = current.cost - trial.cost
+            small = gained <= tolerance * current.cost
+            state, current, damping = trial_state, trial, max(damping * 0.1, 1e-12)
+            if small:
                 break
-            damping *= 10
         else:
-            break
-        gain = cost - _cost(then)
-        at, now, cost, damping = at + step, then, _cost(then), max(damping / 10, 1e-12)
-        if gain <= 1e-10 * cost or np.abs(step).max() < 1e-13:
-            break
-    return at, cost
+            damping *= 10.0
+            if damping > _MOST_DAMPING:
+                break
+    return state, current
 
 
-def _cost(residuals: Vector) -> float:
-    cost = float(residuals @ residuals)
-    return cost if np.isfinite(cost) else np.inf
+def inverse_of(hessian: NDArray[np.float64]) -> NDArray[np.float64] | None:
+    """Return the inverse of a Gauss-Newton matrix, symmetric; None where it tells nothing of some direction."""
+    scale = np.sqrt(np.diag(hessian)).astype(np.float64)
+    if not (np.isfinite(scale).all() and (scale > 0).all()):
+        return None
+    scaled = np.asarray(hessian / np.outer(scale, scale), dtype=np.float64)
+    values, vectors = np.linalg.eigh(scaled)
+    if values[0] < 1e-13 * values[-1]:
+        return None
+    inverse = (vectors / values) @ vectors.T / scale[:, None] / scale
+    return np.asarray(inverse, dtype=np.float64)
