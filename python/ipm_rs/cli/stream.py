@@ -1,8 +1,9 @@
-"""Videos on either side of ``ipm-rs warp``: what the command does with a whole stream instead of images one by one."""
+"""Videos and bags in ``ipm-rs warp``: what the command does with a whole stream instead of images one by one."""
 
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from pathlib import Path
 from typing import Any
@@ -11,11 +12,11 @@ import numpy as np
 
 import ipm_rs
 from ipm_rs import streams
-from ipm_rs.cli.arguments import check_output
+from ipm_rs.cli.arguments import check_output, load_camera_sized
 from ipm_rs.cli.printing import emit, error_line, no_progress, progress_bar
-from ipm_rs.errors import ArgumentError, FileError, ImageError, IpmError
+from ipm_rs.errors import ArgumentError, CalibrationError, FileError, ImageError, IpmError
 from ipm_rs.files import images
-from ipm_rs.streams import folder, video
+from ipm_rs.streams import folder
 from ipm_rs.streams._sinks import VIDEO_CODECS
 
 _TOLD = 5
@@ -23,21 +24,45 @@ _TOLD = 5
 
 
 def concerns(args: argparse.Namespace) -> bool:
-    """Say whether the input or the output is a video."""
-    if len(args.images) != 1:
-        return False
-    source = str(args.images[0])
+    """Say whether the input is another stream than images, or the output a video."""
+    kinds = [_kind(str(source)) for source in args.images]
+    other = next(
+        (source for source, kind in zip(args.images, kinds, strict=True) if kind not in (None, "folder")), None
+    )
+    if other is not None and len(kinds) > 1:
+        raise ArgumentError(f"{other}: expected it alone, got {len(kinds)} inputs; warp one video or bag at a time")
+    if args.topic is not None and kinds != ["bag"]:
+        raise ArgumentError("--topic: expected a bag or MCAP, got another input; leave it out")
     to_video = Path(args.output).suffix.lower() in VIDEO_CODECS
-    return video.recognises(source) or (to_video and folder.is_several(source))
+    return other is not None or (len(kinds) == 1 and to_video and folder.is_several(str(args.images[0])))
 
 
-def run(args: argparse.Namespace, camera: ipm_rs.Camera, grid: ipm_rs.BevGrid, options: dict[str, Any]) -> None:
+def _kind(source: str) -> str | None:
+    try:
+        return streams.recognise(source)
+    except FileError:
+        return None
+
+
+def _opened(args: argparse.Namespace, source: str) -> streams.Stream:
+    """Open the input with the options of its kind."""
+    kind = streams.recognise(source)
+    more = {"video": {"rotation": args.rotation}, "bag": {"topic": args.topic, "poses": False}}.get(kind, {})
+    return streams.open(source, kind=kind, every=args.every, start=args.start, end=args.end, **more)
+
+
+def run(args: argparse.Namespace, grid: ipm_rs.BevGrid, options: dict[str, Any]) -> None:
     """Check the input's header and the output's name, then warp frame after frame."""
     output = Path(args.output)
     source = str(args.images[0])
-    is_video = video.recognises(source)
-    more = {"rotation": args.rotation} if is_video else {}
-    stream = streams.open(source, every=args.every, start=args.start, end=args.end, **more)
+    own = os.path.realpath(args.calibration) == os.path.realpath(source)
+    camera = None if own else load_camera_sized(args)
+    stream = _opened(args, source)
+    camera = camera or stream.camera
+    if camera is None:
+        raise CalibrationError(
+            f"{source}: expected a calibration in it, as it is named for CALIBRATION too, found none; give a file"
+        )
     if stream.size is not None and stream.size != tuple(camera.image_size):
         width, height = camera.image_size
         raise ImageError(

@@ -50,9 +50,9 @@ def add(commands: Commands) -> None:
 Warp camera images to metric bird's-eye views. Row 0 is far ahead, column 0 is to the left; metres are those of the
 vehicle frame of the calibration: x forward, y left, z up.
 
-The input is one or several images, a folder of them, a "pattern", a .txt list of paths, or a video; the output a
-file for one image, else a folder or a video (.mp4 .mov .mkv .webm .avi). Frames are decoded, warped and encoded on
---jobs threads. After a stop, --skip-existing goes on.
+The input is one or several images, a folder of them, a "pattern", a .txt list of paths, a video, or a ROS bag or MCAP
+(named for CALIBRATION too, its own is taken); the output a file for one image, else a folder or a video (.mp4 .mov .mkv
+.webm .avi). Frames are decoded, warped and encoded on --jobs threads. After a stop, --skip-existing goes on.
 
 Images may be grey, 16-bit grey, colour, with alpha, or label images with a palette (nearest and mode only; indices and
 palette are kept). EXIF orientation is not applied: the calibration belongs to the pixels as they are stored. Of several
@@ -67,6 +67,7 @@ output decides its format: """
   ipm-rs warp camera.json frames/*.png -o bevs/ --mask bevs/valid.png
   ipm-rs warp camera.json frames/ -o bevs/ --skip-existing
   ipm-rs warp camera.json drive.mp4 -o bev.mp4 --start 60 --end 90
+  ipm-rs warp camera.json run.mcap --topic /front/image_raw -o bev.mp4
   ipm-rs warp calib/000114.txt 000114.png -o bev.png --image-size 1242 375 --ground -1.73
   ipm-rs warp v1.0-mini/calibrated_sensor.json front.jpg -o bev.png --camera CAM_FRONT
   ipm-rs warp camera.json frame.png -o bev.png --resolution 0.1 --interpolation area
@@ -74,7 +75,13 @@ output decides its format: """
     )
     add = warp.add_argument
     add("calibration", metavar="CALIBRATION", help="camera calibration, a file or directory of a format named above")
-    add("images", metavar="IMAGE", nargs="+", type=Path, help="images of the calibration's size, a folder, or a video")
+    add(
+        "images",
+        metavar="IMAGE",
+        nargs="+",
+        type=Path,
+        help="images of the calibration's size, a folder, a video, a bag",
+    )
     add(
         "-o",
         "--output",
@@ -108,8 +115,11 @@ output decides its format: """
     )
     running.add_argument("--jobs", metavar="N", type=count, help="frames at a time (default: the CPUs there are)")
     running.add_argument("--every", metavar="N", type=count, default=1, help="only every so many-th frame")
-    running.add_argument("--start", metavar="S", type=real, help="seconds of a video to begin at")
-    running.add_argument("--end", metavar="S", type=real, help="seconds of a video to end before")
+    running.add_argument("--start", metavar="S", type=real, help="seconds of a video or bag to begin at")
+    running.add_argument("--end", metavar="S", type=real, help="seconds of a video or bag to end before")
+    running.add_argument(
+        "--topic", metavar="NAME", help="which images of a bag; the error lists them where it is needed"
+    )
     running.add_argument(
         "--rotation",
         choices=("refuse", "ignore", "apply"),
@@ -135,7 +145,6 @@ output decides its format: """
 
 def run(args: argparse.Namespace) -> None:
     """Check everything, then warp image after image."""
-    camera = load_camera_sized(args)
     grid = ipm_rs.BevGrid(x=args.x, y=args.y, resolution=resolution(args.resolution), sample_at=args.sample_at)
     options: dict[str, Any] = {
         "interpolation": args.interpolation,
@@ -143,8 +152,9 @@ def run(args: argparse.Namespace) -> None:
         "threads": args.threads,
     }
     if stream.concerns(args):
-        stream.run(args, camera, grid, options)
+        stream.run(args, grid, options)
         return
+    camera = load_camera_sized(args)
     if len(args.images) == 1 and folder.is_several(str(args.images[0])):
         several = args.images[0]
         args.images = folder.paths_of(str(several))

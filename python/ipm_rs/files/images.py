@@ -20,6 +20,7 @@ The stored pixels are taken as they are: EXIF orientation is not applied, since 
 
 from __future__ import annotations
 
+import io
 import warnings
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -130,6 +131,14 @@ def read(path: Path) -> tuple[NDArray[Any], Look]:
         return pixels, Look(mode, tuple(image.getpalette("RGB") or ()), image.info.get("transparency"))
 
 
+def decode(data: bytes, origin: str) -> NDArray[Any]:
+    """Decode an image that is in memory; raises as :func:`read` does, with `origin` in the place of the path."""
+    with _opened(Path(origin), data) as image:
+        mode = _header(Path(origin), image).mode
+        image.load()
+        return np.asarray(image).astype(MODES[mode][0], copy=False)
+
+
 def check_format(path: Path, mode: str, what: str) -> None:
     """Refuse an output name whose extension is unknown or cannot hold the mode; ``what`` describes the content."""
     known = FORMATS.get(path.suffix.lower())
@@ -172,21 +181,23 @@ def write(path: Path, pixels: NDArray[Any], look: Look, level: int = 1) -> None:
 
 
 @contextmanager
-def _opened(path: Path) -> Iterator[ImageFile]:
-    """Open an image file with Pillow; whatever goes wrong in the block becomes one of our errors."""
+def _opened(path: Path, data: bytes | None = None) -> Iterator[ImageFile]:
+    """Open an image file, or its bytes, with Pillow; whatever goes wrong in the block becomes one of our errors."""
     Image = require_pillow()
-    check_source(path, "an image file", "name the images one by one")
+    if data is None:
+        check_source(path, "an image file", "name the images one by one")
     with reading(path, "a readable image"), warnings.catch_warnings():
         # Pillow warns of large images and of broken metadata. Here the size must equal the calibration's before
         # anything is decoded, and of the metadata only the orientation is looked at.
         warnings.simplefilter("ignore")
         try:
-            with Image.open(path) as image:
+            with Image.open(path if data is None else io.BytesIO(data)) as image:
                 yield image
         except Image.DecompressionBombError as error:
             raise FileError(f"{path}: expected a camera image, got a file that claims to be huge: {error}") from error
         except Image.UnidentifiedImageError as error:
-            kind = "an empty file" if path.stat().st_size == 0 else "a file that Pillow does not recognise"
+            empty = path.stat().st_size == 0 if data is None else not data
+            kind = "an empty file" if empty else "a file that Pillow does not recognise"
             raise FileError(f"{path}: expected an image, got {kind}; fetch it again, or convert it to PNG") from error
 
 

@@ -1,4 +1,4 @@
-"""Frames of a drive, one after another: from folders, lists of files and videos; and pictures back to such.
+"""Frames of a drive, one after another: from folders, lists, videos and ROS bags; and pictures back to such.
 
     for frame in ipm_rs.streams.open("drive.mp4"):
         bev = lut.warp(frame.image)
@@ -25,7 +25,7 @@ from ipm_rs.streams._pipeline import Summary, warp
 
 __all__ = ["FORMATS", "Frame", "Stream", "Summary", "Ticket", "open", "recognise", "warp"]
 
-FORMATS: tuple[str, ...] = ("folder", "video")
+FORMATS: tuple[str, ...] = ("bag", "folder", "video")
 """Kinds of sources, in the order in which they are tried."""
 
 
@@ -55,18 +55,19 @@ def open(
     Parameters
     ----------
     path : str or path
-        A folder of images, a pattern (``"frames/*.png"``), a ``.txt`` list with an image's path in each line, or a
-        video.
+        A folder of images, a pattern (``"frames/*.png"``), a ``.txt`` list with an image's path in each line, a video,
+        or a ROS bag.
     kind : str, optional
         One of `FORMATS`; recognised by default.
     every : int
         Only every so many-th frame.
     start, end : float, optional
-        Seconds: frames from `start` on and before `end`, of the stream's own timestamps. Folders, whose frames have
-        none, refuse them.
+        Seconds from the beginning: frames from `start` on and before `end`. Folders, whose frames have no timestamps,
+        refuse them.
     **options
         Of the kind. Videos: ``rotation="refuse"``, ``"ignore"`` or ``"apply"`` for a file that asks for its pictures to
-        be turned; ``bits=8``, or 16 for what the file holds beyond 8.
+        be turned; ``bits=8``, or 16 for what the file holds beyond 8. Bags: ``topic=``, ``camera_info=``,
+        ``vehicle_frame=``, ``map_frame=``, ``clock=``, ``max_gap=``, ``poses=``, see `ipm_rs.streams.bag`.
 
     Returns
     -------

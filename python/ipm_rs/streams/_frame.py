@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ipm_rs._core import Camera
-from ipm_rs.errors import ArgumentError
+from ipm_rs.errors import ArgumentError, FileError
 
-__all__ = ["Frame", "Stream", "Ticket"]
+__all__ = ["Frame", "Stream", "Ticket", "bad_ticket"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,6 +72,10 @@ class Stream:
         Frames a second.
     size : (width, height) or None
         Of the pictures, where the stream says it.
+    camera : Camera or None
+        The calibration of all its frames, where the stream has one.
+    origin : float
+        The timestamp from which ``start=`` and ``end=`` count.
     """
 
     path: str
@@ -79,6 +83,8 @@ class Stream:
     count: int | None = None
     rate: float | None = None
     size: tuple[int, int] | None = None
+    camera: Camera | None = None
+    origin: float = 0.0
 
     def tickets(self) -> Iterator[Ticket]:
         """Return an iterator over the frames that are still to be decoded."""
@@ -89,7 +95,7 @@ class Stream:
             yield ticket.load()
 
     def chosen(self, every: int = 1, start: float | None = None, end: float | None = None) -> Stream:
-        """Return the stream of every so many-th frame, of those from `start` on and before `end`."""
+        """Return the stream of every so many-th frame, of those from `start` on and before `end`, from its `origin`."""
         if every == 1 and start is None and end is None:
             return self
         count, rate = self.count, self.rate
@@ -116,9 +122,10 @@ def _chosen(stream: Stream, every: int, start: float | None, end: float | None) 
                         f"{stream.path}: expected no start and end, got them for frames without timestamps; "
                         "leave them out"
                     )
-                if end is not None and ticket.timestamp >= end:
+                passed = ticket.timestamp - stream.origin
+                if end is not None and passed >= end:
                     return
-                if start is not None and ticket.timestamp < start:
+                if start is not None and passed < start:
                     continue
             if taken % every == 0:
                 yield ticket
@@ -127,3 +134,12 @@ def _chosen(stream: Stream, every: int, start: float | None, end: float | None) 
         close = getattr(tickets, "close", None)
         if close is not None:
             close()
+
+
+def bad_ticket(path: str, name: str, index: int, problem: str) -> Ticket:
+    """Return the ticket of a frame that cannot be read: its `load` raises what is wrong."""
+
+    def load() -> Frame:
+        raise FileError(f"{path}: frame {index}: expected {problem}; fetch it again")
+
+    return Ticket(name, index, None, load)

@@ -126,7 +126,11 @@ def run(
             return None
         frame = ticket.load()
         table = lut if isinstance(lut, Lut) else lut(frame)
-        return (sink.prepare(ticket, table.warp(frame.image, **options)),)
+        try:
+            view = table.warp(frame.image, **options)
+        except ImageError as error:
+            raise ImageError(f"{stream.path}: frame {ticket.name}: {error}") from error
+        return (sink.prepare(ticket, view),)
 
     summary, begin = Summary(), perf_counter()
     with contextlib.ExitStack() as stack:

@@ -23,7 +23,7 @@ import numpy as np
 
 from ipm_rs.errors import ArgumentError, FileError, ImageError, MissingExtraError
 from ipm_rs.files.atomic import check_source, reading
-from ipm_rs.streams._frame import Frame, Stream, Ticket
+from ipm_rs.streams._frame import Frame, Stream, Ticket, bad_ticket
 
 __all__ = ["TITLE", "colorspace", "read", "recognises", "require_av"]
 
@@ -134,7 +134,7 @@ def _tickets(path: str, rotation: str, bits: int) -> Iterator[Ticket]:
             except StopIteration:
                 break
             except (av.FFmpegError, ValueError) as error:
-                yield _bad(path, index, f"a frame that can be decoded, got: {error}")
+                yield bad_ticket(path, f"{index:06d}", index, f"a frame that can be decoded, got: {error}")
                 index += 1
                 continue
             for frame in frames:
@@ -143,7 +143,9 @@ def _tickets(path: str, rotation: str, bits: int) -> Iterator[Ticket]:
                     first = ticks if first is None else first
                     if last is not None and ticks <= last:
                         now, before = (float((one - first) * frame.time_base) for one in (ticks, last))
-                        yield _bad(path, index, f"timestamps that grow, got {now:.6f} s after {before:.6f} s")
+                        yield bad_ticket(
+                            path, f"{index:06d}", index, f"timestamps that grow, got {now:.6f} s after {before:.6f} s"
+                        )
                         index += 1
                         continue
                     last = ticks
@@ -152,14 +154,9 @@ def _tickets(path: str, rotation: str, bits: int) -> Iterator[Ticket]:
                 yield Ticket(f"{index:06d}", index, time, load)
                 index += 1
     if promised and index < promised:
-        yield _bad(path, index, f"{promised} frames as its header says, got {index}: it is cut short")
-
-
-def _bad(path: str, index: int, problem: str) -> Ticket:
-    def load() -> Frame:
-        raise FileError(f"{path}: frame {index}: expected {problem}; fetch it again")
-
-    return Ticket(f"{index:06d}", index, None, load)
+        yield bad_ticket(
+            path, f"{index:06d}", index, f"{promised} frames as its header says, got {index}: it is cut short"
+        )
 
 
 def _load(path: str, frame: Any, index: int, time: float | None, rotation: str, bits: int) -> Frame:
