@@ -28,7 +28,7 @@ from ipm_rs.calibration._checks import Matrix, Section, blame, pinhole, quaterni
 from ipm_rs.calibration._files import Document, Source, keys_missing, needs_size, read_json
 from ipm_rs.errors import CalibrationError
 
-__all__ = ["KEYS", "TITLE", "cameras", "missing", "read"]
+__all__ = ["KEYS", "TITLE", "cameras", "missing", "pose_of", "read"]
 
 TITLE = "DGP"
 KEYS = ("names", "extrinsics", "intrinsics", "rotation", "translation", "qw", "qx", "skew")
@@ -95,7 +95,7 @@ def read(
     size = needs_size(image_size, content.origin, "DDAD's images are 1936x1216: take the image's")
     fx, fy, cx, cy = (place.number(key, unit="pixels") for key in ("fx", "fy", "cx", "cy"))
     K = pinhole(fx, fy, cx, cy, _or_zero(place, "skew"))
-    lens, pose = _lens(place), _pose(extrinsic)
+    lens, pose = _lens(place), pose_of(extrinsic)
     return build(place.where(), K, image_size=size, vehicle_from_camera=pose, lens=lens)
 
 
@@ -133,7 +133,8 @@ def _lens(place: Section) -> Any:
         return BrownConrady(terms) if any(terms) else None
 
 
-def _pose(place: Section) -> Matrix:
+def pose_of(place: Section) -> Matrix:
+    """(4, 4) transform of a ``rotation`` and a ``translation``, each by name."""
     turn, shift = place.section("rotation"), place.section("translation")
     q = [turn.number(key) for key in ("qw", "qx", "qy", "qz")]
     R = quaternion(q, turn.where("qw qx qy qz"), "wxyz", nearest=place.nearest)

@@ -1,4 +1,4 @@
-"""Videos and bags in ``ipm-rs warp``: what the command does with a whole stream instead of images one by one."""
+"""Videos, bags and datasets in ``ipm-rs warp``: a whole stream instead of images one by one."""
 
 from __future__ import annotations
 
@@ -30,9 +30,10 @@ def concerns(args: argparse.Namespace) -> bool:
         (source for source, kind in zip(args.images, kinds, strict=True) if kind not in (None, "folder")), None
     )
     if other is not None and len(kinds) > 1:
-        raise ArgumentError(f"{other}: expected it alone, got {len(kinds)} inputs; warp one video or bag at a time")
-    if args.topic is not None and kinds != ["bag"]:
-        raise ArgumentError("--topic: expected a bag or MCAP, got another input; leave it out")
+        raise ArgumentError(f"{other}: expected it alone, got {len(kinds)} inputs; warp one of it at a time")
+    for option, kind in (("topic", "bag"), ("scene", "nuscenes")):
+        if getattr(args, option) is not None and kinds != [kind]:
+            raise ArgumentError(f"--{option}: expected an input of {kind}, got another; leave it out")
     to_video = Path(args.output).suffix.lower() in VIDEO_CODECS
     return other is not None or (len(kinds) == 1 and to_video and folder.is_several(str(args.images[0])))
 
@@ -47,7 +48,15 @@ def _kind(source: str) -> str | None:
 def _opened(args: argparse.Namespace, source: str) -> streams.Stream:
     """Open the input with the options of its kind."""
     kind = streams.recognise(source)
-    more = {"video": {"rotation": args.rotation}, "bag": {"topic": args.topic, "poses": False}}.get(kind, {})
+    more: dict[str, Any] = {"video": {"rotation": args.rotation}, "bag": {"topic": args.topic, "poses": False}}.get(
+        kind, {}
+    )
+    if kind not in ("video", "bag", "folder") and args.camera is not None:
+        more["camera"] = args.camera
+    if kind.startswith("kitti") and args.vehicle_frame is not None:
+        more["frame"] = args.vehicle_frame
+    if kind == "nuscenes":
+        more["scene"] = args.scene
     return streams.open(source, kind=kind, every=args.every, start=args.start, end=args.end, **more)
 
 

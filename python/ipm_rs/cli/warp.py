@@ -50,9 +50,10 @@ def add(commands: Commands) -> None:
 Warp camera images to metric bird's-eye views. Row 0 is far ahead, column 0 is to the left; metres are those of the
 vehicle frame of the calibration: x forward, y left, z up.
 
-The input is one or several images, a folder of them, a "pattern", a .txt list of paths, a video, or a ROS bag or MCAP
-(named for CALIBRATION too, its own is taken); the output a file for one image, else a folder or a video (.mp4 .mov .mkv
-.webm .avi). Frames are decoded, warped and encoded on --jobs threads. After a stop, --skip-existing goes on.
+The input is one or several images, a folder of them, a "pattern", a .txt list of paths, a video, a ROS bag or MCAP, or
+a drive of KITTI raw, KITTI odometry, nuScenes, Argoverse 2 or DGP (bags and drives named for CALIBRATION too: their own
+is taken); the output a file for one image, else a folder or a video (.mp4 .mov .mkv .webm .avi). Frames are decoded,
+warped and encoded on --jobs threads. After a stop, --skip-existing goes on.
 
 Images may be grey, 16-bit grey, colour, with alpha, or label images with a palette (nearest and mode only; indices and
 palette are kept). EXIF orientation is not applied: the calibration belongs to the pixels as they are stored. Of several
@@ -68,6 +69,7 @@ output decides its format: """
   ipm-rs warp camera.json frames/ -o bevs/ --skip-existing
   ipm-rs warp camera.json drive.mp4 -o bev.mp4 --start 60 --end 90
   ipm-rs warp camera.json run.mcap --topic /front/image_raw -o bev.mp4
+  ipm-rs warp 2011_09_26_drive_0001_sync/ 2011_09_26_drive_0001_sync/ -o bevs/ --ground -1.73
   ipm-rs warp calib/000114.txt 000114.png -o bev.png --image-size 1242 375 --ground -1.73
   ipm-rs warp v1.0-mini/calibrated_sensor.json front.jpg -o bev.png --camera CAM_FRONT
   ipm-rs warp camera.json frame.png -o bev.png --resolution 0.1 --interpolation area
@@ -115,11 +117,12 @@ output decides its format: """
     )
     running.add_argument("--jobs", metavar="N", type=count, help="frames at a time (default: the CPUs there are)")
     running.add_argument("--every", metavar="N", type=count, default=1, help="only every so many-th frame")
-    running.add_argument("--start", metavar="S", type=real, help="seconds of a video or bag to begin at")
-    running.add_argument("--end", metavar="S", type=real, help="seconds of a video or bag to end before")
+    running.add_argument("--start", metavar="S", type=real, help="seconds from the first frame to begin at")
+    running.add_argument("--end", metavar="S", type=real, help="seconds from the first frame to end before")
     running.add_argument(
         "--topic", metavar="NAME", help="which images of a bag; the error lists them where it is needed"
     )
+    running.add_argument("--scene", metavar="NAME", help="which scene of nuScenes, where there are several")
     running.add_argument(
         "--rotation",
         choices=("refuse", "ignore", "apply"),

@@ -1,4 +1,4 @@
-"""Frames of a drive, one after another: from folders, lists, videos and ROS bags; and pictures back to such.
+"""Frames of a drive, one after another: from folders, videos, bags, datasets; and pictures back to such.
 
     for frame in ipm_rs.streams.open("drive.mp4"):
         bev = lut.warp(frame.image)
@@ -25,7 +25,16 @@ from ipm_rs.streams._pipeline import Summary, warp
 
 __all__ = ["FORMATS", "Frame", "Stream", "Summary", "Ticket", "open", "recognise", "warp"]
 
-FORMATS: tuple[str, ...] = ("bag", "folder", "video")
+FORMATS: tuple[str, ...] = (
+    "bag",
+    "kitti_raw",
+    "kitti_odometry",
+    "nuscenes",
+    "argoverse2",
+    "dgp",
+    "folder",
+    "video",
+)
 """Kinds of sources, in the order in which they are tried."""
 
 
@@ -56,7 +65,7 @@ def open(
     ----------
     path : str or path
         A folder of images, a pattern (``"frames/*.png"``), a ``.txt`` list with an image's path in each line, a video,
-        or a ROS bag.
+        a ROS bag, or a drive of a dataset in its own layout.
     kind : str, optional
         One of `FORMATS`; recognised by default.
     every : int
@@ -67,7 +76,8 @@ def open(
     **options
         Of the kind. Videos: ``rotation="refuse"``, ``"ignore"`` or ``"apply"`` for a file that asks for its pictures to
         be turned; ``bits=8``, or 16 for what the file holds beyond 8. Bags: ``topic=``, ``camera_info=``,
-        ``vehicle_frame=``, ``map_frame=``, ``clock=``, ``max_gap=``, ``poses=``, see `ipm_rs.streams.bag`.
+        ``vehicle_frame=``, ``map_frame=``, ``clock=``, ``max_gap=``, ``poses=``, see `ipm_rs.streams.bag`. Datasets:
+        ``camera=``, and what `ipm_rs.streams.kitti_raw`, `kitti_odometry`, `nuscenes`, `argoverse2` and `dgp` say.
 
     Returns
     -------
