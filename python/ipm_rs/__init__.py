@@ -70,7 +70,7 @@ from ipm_rs.rig import Bowl, Rig, RigLut
 from ipm_rs.trajectory import Trajectory
 
 if TYPE_CHECKING:
-    from ipm_rs import pointfile, reference, refine, streams
+    from ipm_rs import draw, pointfile, reference, refine, streams
 
 __all__ = [
     "ArgumentError",
@@ -110,6 +110,7 @@ __all__ = [
     "decode_carla_depth",
     "depth_to_lidar",
     "depth_to_local_point_cloud",
+    "draw",
     "encode_carla_depth",
     "errors",
     "flip_handedness",
@@ -136,7 +137,7 @@ __all__ = [
 
 
 def __getattr__(name: str) -> object:
-    if name in ("pointfile", "reference", "refine", "streams"):  # when they are asked for: few programs need them
+    if name in ("draw", "pointfile", "reference", "refine", "streams"):  # when asked for: few programs need them
         return importlib.import_module(f"ipm_rs.{name}")
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import pairwise
 from statistics import median
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
@@ -17,6 +16,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ipm_rs import BevGrid, Camera, Lut, scene
+from ipm_rs.draw import _style as style
+from ipm_rs.draw._axes import around, hatched
+from ipm_rs.draw._style import text
 from ipm_rs.files.images import require_pillow
 
 if TYPE_CHECKING:
@@ -175,9 +177,6 @@ _SIZE = (1920, 1172)
 _LEFT, _PHOTO_TOP, _PHOTO_WIDTH = 56, 196, 1224
 _BEV_LEFT, _BEV_TOP, _BEV_SIZE = 1446, 196, (400, 860)
 
-_PAPER, _INK, _MUTED, _RULE, _ACCENT = "#fbfbf9", "#1c232b", "#5d6873", "#d5dade", "#e8590c"
-_UNSEEN, _HATCH = (233, 236, 239), (216, 221, 225)
-
 
 def picture(result: Result) -> Image:
     """Draw the camera image and bird's-eye view side by side, with metre axes and what was measured.
@@ -195,19 +194,19 @@ def picture(result: Result) -> Image:
     require_pillow()
     from PIL import Image, ImageDraw
 
-    page = Image.new("RGB", _SIZE, _PAPER)
+    page = Image.new("RGB", _SIZE, style.PAPER)
     draw = ImageDraw.Draw(page)
-    _text(draw, (_LEFT, 82), "From the camera image to a metric bird's-eye view", 46)
-    _text(draw, (_LEFT, 128), _subtitle(result), 25, _MUTED)
+    text(draw, (_LEFT, 82), "From the camera image to a metric bird's-eye view", 46)
+    text(draw, (_LEFT, 128), _subtitle(result), 25, style.MUTED)
 
     photo = _photo(result)
-    _text(draw, (_LEFT, _PHOTO_TOP - 14), "Camera image, the edge of the grid in orange", 27)
+    text(draw, (_LEFT, _PHOTO_TOP - 14), "Camera image, the edge of the grid in orange", 27)
     page.paste(photo, (_LEFT, _PHOTO_TOP))
     _facts(draw, result, top=_PHOTO_TOP + photo.height + 52)
 
-    _text(draw, (_BEV_LEFT, _BEV_TOP - 14), "Bird's-eye view", 27)
+    text(draw, (_BEV_LEFT, _BEV_TOP - 14), "Bird's-eye view", 27)
     page.paste(_top_view(result), (_BEV_LEFT, _BEV_TOP))
-    _axes(page, draw, result.grid)
+    around(page, result.grid, (_BEV_LEFT, _BEV_TOP, *_BEV_SIZE), 5.0, 23)
     return page
 
 
@@ -225,14 +224,11 @@ def _photo(result: Result) -> Image:
     from PIL import Image, ImageDraw
 
     photo = Image.fromarray(result.image)
-    draw = ImageDraw.Draw(photo)
     (x_min, x_max), (y_min, y_max) = result.grid.x, result.grid.y
-    corners = np.array([(x_min, y_min), (x_min, y_max), (x_max, y_max), (x_max, y_min), (x_min, y_min)])
-    along = np.linspace(0.0, 1.0, 200)[:, None]
-    for start, end in pairwise(corners):
-        uv, _, _ = result.camera.project(start + along * (end - start))
-        points = [tuple(point) for point in uv if np.isfinite(point).all() and np.abs(point).max() < 1e5]
-        draw.line(points, fill=_ACCENT, width=5)
+    corners = [(x_min, y_min), (x_min, y_max), (x_max, y_max), (x_max, y_min)]
+    draw = ImageDraw.Draw(photo)
+    for piece in result.camera.project_polyline(corners, ground=0.0, closed=True):
+        draw.line([(u, v) for u, v in piece.tolist()], fill=style.ACCENT, width=5)
     width, height = photo.size
     return photo.resize((_PHOTO_WIDTH, round(_PHOTO_WIDTH * height / width)), Image.Resampling.LANCZOS)
 
@@ -241,35 +237,9 @@ def _top_view(result: Result) -> Image:
     """Draw the bird's-eye view at the size it has on the page, unseen cells hatched."""
     from PIL import Image, ImageDraw
 
-    rows, cols = result.grid.shape
-    row, col = np.ogrid[:rows, :cols]
-    stripes = np.where(((row + col) % 14 < 2)[..., None], np.array(_HATCH, np.uint8), np.array(_UNSEEN, np.uint8))
-    view = Image.fromarray(np.where(result.mask[..., None], result.bev, stripes))
-    view = view.resize(_BEV_SIZE, Image.Resampling.LANCZOS)
-    ImageDraw.Draw(view).rectangle((0, 0, _BEV_SIZE[0] - 1, _BEV_SIZE[1] - 1), outline=_ACCENT, width=3)
+    view = Image.fromarray(hatched(result.bev, result.mask)).resize(_BEV_SIZE, Image.Resampling.LANCZOS)
+    ImageDraw.Draw(view).rectangle((0, 0, _BEV_SIZE[0] - 1, _BEV_SIZE[1] - 1), outline=style.ACCENT, width=3)
     return view
-
-
-def _axes(page: Image, draw: ImageDraw, grid: BevGrid) -> None:
-    """Draw the metre axes of the bird's-eye view: x up the left side, y along the bottom, positive to the left."""
-    from PIL import Image, ImageDraw
-
-    (x_min, x_max), (y_min, y_max), (width, height) = grid.x, grid.y, _BEV_SIZE
-    bottom = _BEV_TOP + height
-    for x in _ticks(x_min, x_max):
-        level = _BEV_TOP + round((x_max - x) / (x_max - x_min) * height)
-        draw.line((_BEV_LEFT - 12, level, _BEV_LEFT - 3, level), fill=_INK, width=2)
-        _text(draw, (_BEV_LEFT - 20, level), f"{x:g}", 23, anchor="rm")
-    for y in _ticks(y_min, y_max):
-        column = _BEV_LEFT + round((y_max - y) / (y_max - y_min) * width)
-        draw.line((column, bottom + 3, column, bottom + 12), fill=_INK, width=2)
-        _text(draw, (column, bottom + 20), f"{y:g}", 23, anchor="mt")
-    _text(draw, (_BEV_LEFT + width / 2, bottom + 56), "y, left (m)", 23, _MUTED, anchor="mt")
-
-    label = Image.new("L", (240, 40))
-    _text(ImageDraw.Draw(label), (120, 20), "x, forward (m)", 23, 255, anchor="mm")
-    label = label.rotate(90, expand=True)
-    page.paste(_MUTED, (_BEV_LEFT - 104, _BEV_TOP + (height - label.height) // 2), label)
 
 
 def _facts(draw: ImageDraw, result: Result, top: int) -> None:
@@ -298,20 +268,7 @@ def _facts(draw: ImageDraw, result: Result, top: int) -> None:
     for index, (label, value, note) in enumerate(facts):
         left = _LEFT + index % columns * step
         level = top + index // columns * pitch
-        draw.line((left, level - 14, left + step - gap, level - 14), fill=_RULE, width=2)
-        _text(draw, (left, level + 18), label, 23, _MUTED)
-        _text(draw, (left, level + 66), value, 40)
-        _text(draw, (left, level + 104), note, 23, _MUTED)
-
-
-def _ticks(low: float, high: float, step: float = 5.0) -> list[float]:
-    """Return the multiples of the step between two numbers, both included."""
-    return [step * k for k in range(math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9) + 1)]
-
-
-def _text(
-    draw: ImageDraw, position: tuple[float, float], text: str, size: int, fill: str | int = _INK, anchor: str = "ls"
-) -> None:
-    from PIL import ImageFont
-
-    draw.text(position, text, fill=fill, font=ImageFont.load_default(size), anchor=anchor)
+        draw.line((left, level - 14, left + step - gap, level - 14), fill=style.RULE, width=2)
+        text(draw, (left, level + 18), label, 23, style.MUTED)
+        text(draw, (left, level + 66), value, 40)
+        text(draw, (left, level + 104), note, 23, style.MUTED)

@@ -18,7 +18,7 @@ from calibration_samples import SAMPLES
 from helpers import textured
 
 import ipm_rs
-from ipm_rs import calibration, pointfile
+from ipm_rs import calibration, draw, pointfile
 
 WIDTH, HEIGHT = 64, 48
 K = np.array([[50.0, 0, 31.5], [0, 50, 23.5], [0, 0, 1]])
@@ -348,6 +348,31 @@ RECIPES: dict[str, Callable[[Values], tuple[Callable[..., Any], Arguments]]] = {
     "Bowl.height_map": lambda v: (BOWL.height_map, {"grid": GRIDS[0]}),
     "Rig.save": lambda v: (RIG.save, {"path": v.folder / "rig-written.json"}),
     "Rig.load": lambda v: (ipm_rs.Rig.load, {"path": v.folder / "rig.json"}),
+    "draw.axes": _with(
+        draw.axes,
+        lambda v: {
+            "view": textured(*GRIDS[0].shape, 3),
+            "grid": GRIDS[0],
+            "mask": textured(*GRIDS[0].shape) > 60,
+            "step": 2.0,
+            "scale": v.rng.choice([None, 5.0]),
+            "font_size": 12,
+            "title": "front",
+        },
+    ),
+    "draw.overlay": lambda v: (
+        draw.overlay,
+        {
+            "image": v.image(1, 3),
+            "camera": v.rng.choice(CAMERAS),
+            "grid": v.rng.choice(GRIDS),
+            "ground": v.rng.choice(ROADS),
+            "spacing": 2.0,
+            "outline": True,
+            "line_width": 1.5,
+        },
+    ),
+    "draw.to_image": lambda v: (draw.to_image, {"pixels": v.image(1, 2, 3, 5)}),
     "remap": _remap,
     "warp_perspective": _warp_perspective,
     "points_from_depth": _points_from_depth,

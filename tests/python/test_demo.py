@@ -14,6 +14,7 @@ from PIL import Image
 
 import ipm_rs
 from ipm_rs import cli, demo, scene
+from ipm_rs.draw import _style as style
 
 
 @pytest.fixture(scope="module")
@@ -202,14 +203,9 @@ def test_picture_shows_camera_image_and_view(result: demo.Result) -> None:
     inner[4:-4, 4:-4] = True  # without the frame
     assert np.array_equal(view[inner & result.mask], result.bev[inner & result.mask])
     unseen = {tuple(pixel) for pixel in view[inner & ~result.mask].tolist()}
-    assert unseen == {demo._UNSEEN, demo._HATCH}
+    assert unseen == {style.UNSEEN, style.HATCH}
     sky = picture[demo._PHOTO_TOP + 10, demo._LEFT + 600].astype(int)
     assert np.abs(sky - scene.ZENITH_SKY).max() < 30
-
-
-def test_axis_ticks() -> None:
-    assert demo._ticks(7, 50) == [10, 15, 20, 25, 30, 35, 40, 45, 50]
-    assert demo._ticks(-10, 10) == [-10, -5, 0, 5, 10]
 
 
 # ---------------------------------------------------------------------------------------------------------------------
