@@ -98,6 +98,60 @@ def test_every_number_is_read(title, tmp_path):
         np.testing.assert_allclose(mounted.vehicle_from_camera, VEHICLE_FROM_BODY @ body_from_camera, rtol=0, atol=1e-9)
 
 
+def test_ncamera_in_maplabs_list_of_sensors(tmp_path):
+    """An NCAMERA among other sensors, matrices in rows, names by their topics, T_C_B; a lidar's image is no camera."""
+    yaml = pytest.importorskip("yaml")
+    content = yaml.safe_load(NCAMERA)
+    first, second = content["cameras"]
+    for number, entry in enumerate((first, second)):
+        del entry["camera"]["label"]
+        entry["camera"]["topic"] = f"/cam{number}"
+    first["T_B_C"]["data"] = NCAMERA_0.tolist()
+    second["T_C_B"] = {"rows": 4, "cols": 4, "data": np.linalg.inv(NCAMERA_1).tolist()}
+    del second["T_B_C"]
+    lidar = {"camera": {"type": "camera-3d-lidar", "intrinsics": {"rows": 2, "cols": 1, "data": [1, 2]}}}
+    sensors = [{"sensor_type": "IMU", "id": "a"}, {"sensor_type": "NCAMERA", "cameras": [first, second, lidar]}]
+    path = tmp_path / "sensors.yaml"
+    path.write_text(yaml.safe_dump({"sensors": sensors}))
+    cameras = ipm_rs.Camera.load_all(path)
+    assert list(cameras) == ["/cam0", "/cam1"]
+    expected = np.linalg.inv(NCAMERA_1) @ NCAMERA_0 @ S
+    np.testing.assert_allclose(cameras["/cam1"].camera_from_vehicle, expected, rtol=0, atol=1e-9)
+    mounted = ipm_rs.Camera.from_ncamera(path, camera="/cam1", vehicle_from_body=VEHICLE_FROM_BODY)
+    np.testing.assert_allclose(mounted.vehicle_from_camera, VEHICLE_FROM_BODY @ NCAMERA_1, rtol=0, atol=1e-9)
+    with refuses(errors.CalibrationError, "ncamera: no key 'cameras'"):
+        path.write_text(yaml.safe_dump({"sensors": sensors[:1]}))
+        ipm_rs.Camera.load(path)
+
+
+def test_ncamera_with_the_unified_projection():
+    yaml = pytest.importorskip("yaml")
+    content = yaml.safe_load(NCAMERA)
+    place = content["cameras"][0]["camera"]
+    place["type"] = "unified-projection"
+    place["intrinsics"] = {"rows": 5, "cols": 1, "data": [0.9, 461.2, 459.8, 363.1, 248.7]}
+    camera = ipm_rs.Camera.from_ncamera(content, camera="cam0")
+    assert camera.lens == Mei(0.9, [-0.29, 0.083, 0.0002, 1.5e-05])
+    assert camera.intrinsics[0, 0] == 461.2
+    del place["distortion"]
+    assert ipm_rs.Camera.from_ncamera(content, camera="cam0").lens == Mei(0.9, [0, 0, 0, 0])
+    place["distortion"] = {"type": "equidistant", "parameters": {"rows": 4, "cols": 1, "data": [0.1, 0, 0, 0]}}
+    with refuses(errors.CalibrationError, "expected radial-tangential or none beside unified-projection"):
+        ipm_rs.Camera.from_ncamera(content, camera="cam0")
+    place["type"] = "omni"
+    with refuses(errors.CalibrationError, "camera.type: expected one of 'pinhole', 'unified-projection'"):
+        ipm_rs.Camera.from_ncamera(content, camera="cam0")
+
+
+@pytest.mark.parametrize(("word", "terms"), [("plumb_bob", 4), ("plumb_bob8", 8), ("radialtangential8", 8)])
+def test_names_of_okvis_lenses(word, terms):
+    yaml = pytest.importorskip("yaml")
+    content = yaml.safe_load(OKVIS.partition(b"\n")[2])
+    values = [0.01 * (index + 1) for index in range(terms)]
+    content["cameras"][0] |= {"distortion_type": word, "distortion_coefficients": values}
+    assert ipm_rs.Camera.from_okvis(content, camera=0).lens == BrownConrady(values)
+
+
 def test_the_other_cameras_of_basalt(tmp_path):
     path = SAMPLES["basalt"].write(tmp_path)
     assert ipm_rs.Camera.from_basalt(path, camera=0).lens == DoubleSphere(-0.172, 0.593)

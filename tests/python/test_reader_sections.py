@@ -157,3 +157,35 @@ def test_real_ring(shared_data):
         assert camera.lens == ipm_rs.KannalaBrandt(content[name]["D"])
     with refuses(errors.ArgumentError, *(repr(name) for name in content)):
         ipm_rs.Camera.load(path, lens="fisheye")
+
+
+def test_photonvision(tmp_path):
+    """What it exports: a size of decimals, eight terms, and the board's corners beside them."""
+    eight = [0.0587, -0.107, 0.00032, 0.00148, 0.0414, 0.00068, 0.00145, -0.00375]
+    content = {
+        "resolution": {"width": 1280.0, "height": 800.0},
+        "cameraIntrinsics": {"rows": 3, "cols": 3, "type": 6, "data": [922.9, 0.0, 647.4, 0.0, 919.8, 399.8, 0, 0, 1]},
+        "distCoeffs": {"rows": 1, "cols": 8, "type": 6, "data": eight},
+        "calobjectWarp": [4.6e-4, 9.7e-4],
+        "observations": [{"locationInImageSpace": [{"x": 1.0, "y": 2.0}], "snapshotName": "img0.png"}],
+        "lensmodel": "LENSMODEL_OPENCV8",
+    }
+    camera = ipm_rs.Camera.load(write(tmp_path, content))
+    np.testing.assert_array_equal(camera.intrinsics, [[922.9, 0, 647.4], [0, 919.8, 399.8], [0, 0, 1]])
+    assert camera.image_size == (1280, 800) and camera.lens == ipm_rs.BrownConrady(eight)
+    content["lensmodel"] = "LENSMODEL_SPLINED_STEREOGRAPHIC"
+    with refuses(errors.CalibrationError, "lensmodel", "which has no model"):
+        ipm_rs.Camera.load(write(tmp_path, content))
+
+
+@pytest.mark.parametrize("form", ["json", "yaml"])
+def test_matrices_whose_data_are_rows(form, tmp_path):
+    """As SensorsCalibration and aslam_cv2 write them."""
+    matrix = {"rows": 3, "cols": 3, "data": K(300)}
+    content = {"camera_matrix": matrix, "dist_coeffs": {"rows": 1, "cols": 4, "data": [D]}, "image_size": [960, 640]}
+    camera = ipm_rs.Camera.load(write(tmp_path, content, form), lens="fisheye")
+    np.testing.assert_array_equal(camera.intrinsics, K(300))
+    assert camera.lens == FISHEYE
+    matrix["data"] = [*K(300)[:2], [0.0, 1.0]]
+    with refuses(errors.CalibrationError, "camera_matrix", "expected 3 x 3 numbers"):
+        ipm_rs.Camera.from_opencv(content, lens="fisheye")

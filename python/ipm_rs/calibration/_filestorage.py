@@ -120,6 +120,9 @@ def _matrix(content: Mapping[Any, Any], where: str) -> NDArray[np.float64]:
             f"{where}: data: expected a list of numbers, got {data!r:.60}; write the matrix's numbers"
         )
     forgotten_commas(data, f"{where}: data")
+    if len(shape) == 2 and len(data) == shape[0] and all(isinstance(row, (list, tuple)) for row in data):
+        # row by row, as aslam_cv2 reads it too; a row of another length is none of this matrix
+        data = [value for row in data if len(row) == shape[1] for value in row]
     for value in data:
         if isinstance(value, bool) or not isinstance(value, (int, float)):
             raise CalibrationError(f"{where}: data: expected numbers, got {value!r:.60}; correct it")

@@ -18,7 +18,7 @@ __all__ = ["FOREIGN", "is_lens_key", "known_lens", "plain_word", "refuse_foreign
 _LENSES = {
     "brown_conrady": (
         "brownconrady", "brown", "plumbbob", "radtan", "radialtangential", "rationalpolynomial", "rational", "opencv",
-        "fullopencv", "radtan5", "radtan8", "pinholeradtan",
+        "fullopencv", "radtan5", "radtan8", "pinholeradtan", "opencv4", "opencv5", "opencv8", "opencv12",
     ),
     "fisheye": (
         "fisheye", "equidistant", "equi", "kannalabrandt", "kannalabrandt4", "kannalabrandt8", "kb4", "kb8",
@@ -39,13 +39,16 @@ _BENT = (
     "fthetalens", "equisolid", "equisolidangle", "stereographic", "orthographic", "orthogonal", "equirectangular",
     "spherical", "panoramic", "cylindrical", "scaramuzza", "ocam", "ocamcalib", "radialpoly", "doublesphere", "ds",
     "eucm", "ucm", "unified", "kannalabrandt6", "kannalabrandtthinprism", "linescan", "pushbroom",
+    "splinedstereographic", "sterographic",
 )  # fmt: skip
 FOREIGN = (*_NEAR_PINHOLE, *_BENT)
 """Words, as `plain_word` gives them, for lenses without a counterpart under the names of OpenCV and ROS."""
 
 # These are clear under any key; the others are ordinary words too, and count under a key that speaks of a lens.
 _CLEAR = ("inversebrown", "modifiedbrown", "thinprismfisheye", "ftheta", "equisolid", "fisheye624")
-_FILLERS = frozenset(("distortion", "camera", "model", "lens", "type", "rs2", "calibration", "projection", "dist"))
+_FILLERS = frozenset(
+    ("lensmodel", "distortion", "camera", "model", "lens", "type", "rs2", "calibration", "projection", "dist")
+)
 _KEY_WORDS = ("model", "lens", "distort", "dist", "type", "projection")
 
 

@@ -2,11 +2,11 @@
 
 The format, after okvis's and okvis2's parser. Each camera has
 
-* ``T_SC`` (or ``T_SC0``): points of the camera to the sensor, which is the IMU; sixteen numbers, row by row.
+* ``T_SC``: points of the camera to the sensor, which is the IMU; sixteen numbers, row by row.
 * ``image_dimension`` [width, height], ``focal_length`` [fu, fv], ``principal_point`` [cu, cv]; pixel (0, 0) is a
   pixel's centre, axes optical (x right, y down, z forward).
-* ``distortion_type`` with ``distortion_coefficients``: ``radialtangential`` [k1, k2, p1, p2],
-  ``radialtangential8`` [k1, k2, p1, p2, k3, k4, k5, k6], ``equidistant`` [k1, k2, k3, k4].
+* ``distortion_type`` with ``distortion_coefficients``: ``radialtangential`` (also ``plumb_bob``) [k1, k2, p1, p2],
+  ``radialtangential8`` (``plumb_bob8``) [k1, k2, p1, p2, k3, k4, k5, k6], ``equidistant`` [k1, k2, k3, k4].
 
 The file knows no road and no vehicle: ``vehicle_from_imu=`` says how the IMU stands on the vehicle (x forward, y left,
 z up); without it the first camera is at the origin and looks along +x, and ``ground=`` is minus its height.
@@ -105,7 +105,7 @@ def read(
     same_size(image_size, size, content.origin)
     lens = lens_named(
         entry.value("distortion_type"), entry.value("distortion_coefficients"), entry.where("distortion_type"),
-        others={"radialtangential8": "brown_conrady"},
+        others={"radialtangential8": "brown_conrady", "plumb_bob8": "brown_conrady"},
     )  # fmt: skip
     pose = on_body(_pose(entry), _pose(entries[0]), vehicle_from_imu, "vehicle_from_imu", nearest=nearest_rotation)
     K = pinhole(*entry.numbers("focal_length", 2, unit="pixels"), *entry.numbers("principal_point", 2, unit="pixels"))
@@ -113,4 +113,4 @@ def read(
 
 
 def _pose(entry: Section) -> Matrix:
-    return entry.pose("T_SC0" if "T_SC0" in entry and "T_SC" not in entry else "T_SC")
+    return entry.pose("T_SC")
