@@ -1078,6 +1078,251 @@ class Camera:
             FileError, MissingFileError: the file cannot be read.
         """
     @staticmethod
+    def from_once(
+        source: str | PathLike[str] | Mapping[str, Any],
+        *,
+        camera: str | None = None,
+        image_size: Sequence[int] | None = None,
+        image: Literal["raw", "undistorted"] = "raw",
+        nearest_rotation: bool = False,
+    ) -> Camera:
+        """One camera of a sequence of ONCE; see `ipm_rs.calibration.once.read`.
+
+        Args:
+            source: the file, or its content.
+            camera: its name, "cam01"; needed if there is more than one.
+            image_size: (width, height), which the file does not state: (1920, 1020).
+            image: whether the images are as the camera gave them, or went through the kit's `undistort_image`.
+            nearest_rotation: take the nearest rotation for one that is off by up to 3e-2, as three printed digits leave
+                it.
+
+        Raises:
+            CalibrationError: a key is missing or its value cannot be right.
+            ArgumentError, ArgumentTypeError: an argument is wrong.
+            FileError, MissingFileError: the file cannot be read.
+        """
+    @staticmethod
+    def from_zod(
+        source: str | PathLike[str] | Mapping[str, Any],
+        *,
+        image_size: Sequence[int] | None = None,
+        nearest_rotation: bool = False,
+    ) -> Camera:
+        """The front camera of the Zenseact Open Dataset; see `ipm_rs.calibration.zod.read`.
+
+        Args:
+            source: `calibration.json`, or its content.
+            image_size: (width, height); must agree with the file.
+            nearest_rotation: take the nearest rotation for one that is off by up to 3e-2, as three printed digits leave
+                it.
+
+        Raises:
+            CalibrationError: a key is missing or its value cannot be right.
+            ArgumentError, ArgumentTypeError: an argument is wrong.
+            FileError, MissingFileError: the file cannot be read.
+        """
+    @staticmethod
+    def from_openlane(
+        source: str | PathLike[str] | Mapping[str, Any],
+        *,
+        camera: str | None = None,
+        image_size: Sequence[int] | None = None,
+        nearest_rotation: bool = False,
+    ) -> Camera:
+        """The camera of a frame of OpenLane, or one of OpenLane-V2; see `ipm_rs.calibration.openlane.read`.
+
+        Args:
+            source: the frame's JSON, or its content.
+            camera: its name in V2, "ring_front_center"; needed if there is more than one.
+            image_size: (width, height), which the file does not state: (1920, 1280) in V1.
+            nearest_rotation: take the nearest rotation for one that is off by up to 3e-2, as three printed digits leave
+                it.
+
+        Raises:
+            CalibrationError: a key is missing or its value cannot be right.
+            ArgumentError, ArgumentTypeError: an argument is wrong.
+            FileError, MissingFileError: the file cannot be read.
+        """
+    @staticmethod
+    def from_pandaset(
+        source: str | PathLike[str] | Mapping[str, Any],
+        *,
+        camera: str | None = None,
+        image_size: Sequence[int] | None = None,
+        nearest_rotation: bool = False,
+    ) -> Camera:
+        """One camera of PandaSet; see `ipm_rs.calibration.pandaset.read`.
+
+        Args:
+            source: `static_extrinsic_calibration.yaml`, or its content.
+            camera: its name, "front_camera"; needed if there is more than one.
+            image_size: (width, height), which the file does not state: (1920, 1080).
+            nearest_rotation: take the nearest rotation for one that is off by up to 3e-2, as three printed digits leave
+                it.
+
+        Raises:
+            CalibrationError: a key is missing or its value cannot be right.
+            ArgumentError, ArgumentTypeError: an argument is wrong.
+            FileError, MissingFileError: the file cannot be read.
+        """
+    @staticmethod
+    def from_a2d2(
+        source: str | PathLike[str] | Mapping[str, Any],
+        *,
+        camera: str | None = None,
+        image_size: Sequence[int] | None = None,
+        image: Literal["original", "undistorted"] = "original",
+    ) -> Camera:
+        """One camera of Audi's A2D2; see `ipm_rs.calibration.a2d2.read`.
+
+        Args:
+            source: `cams_lidars.json`, or its content.
+            camera: its name, "front_center"; needed if there is more than one.
+            image_size: (width, height); must agree with the file.
+            image: whether the images are as published, or went through the tutorial's `undistort_image`.
+
+        Raises:
+            CalibrationError: a key is missing or its value cannot be right.
+            ArgumentError, ArgumentTypeError: an argument is wrong.
+            FileError, MissingFileError: the file cannot be read.
+        """
+    @staticmethod
+    def from_cam2bev(
+        source: str | PathLike[str] | Mapping[str, Any],
+        *,
+        image_size: Sequence[int] | None = None,
+    ) -> Camera:
+        """A camera of Cam2BEV; see `ipm_rs.calibration.cam2bev.read`.
+
+        Args:
+            source: the YAML file, or its content.
+            image_size: (width, height), which the file does not state: (964, 604).
+
+        Raises:
+            CalibrationError: a key is missing or its value cannot be right.
+            ArgumentError, ArgumentTypeError: an argument is wrong.
+            FileError, MissingFileError: the file cannot be read.
+        """
+    @staticmethod
+    def from_autoware(
+        source: str | PathLike[str] | Mapping[str, Any],
+        *,
+        image_size: Sequence[int] | None = None,
+        vehicle_from_lidar: ArrayLike | None = None,
+        nearest_rotation: bool = False,
+    ) -> Camera:
+        """A camera of Autoware.AI's camera-lidar calibration; see `ipm_rs.calibration.autoware.read`.
+
+        Args:
+            source: the file, or its content.
+            image_size: (width, height); must agree with the file.
+            vehicle_from_lidar: (4, 4) pose of the lidar in the vehicle frame; without it the lidar's frame is that.
+            nearest_rotation: take the nearest rotation for one that is off by up to 3e-2, as three printed digits leave
+                it.
+
+        Raises:
+            CalibrationError: a key is missing or its value cannot be right.
+            ArgumentError, ArgumentTypeError: an argument is wrong.
+            FileError, MissingFileError: the file cannot be read.
+        """
+    @staticmethod
+    def from_pjlab(
+        source: str | PathLike[str] | Mapping[str, Any],
+        *,
+        extrinsic: str | PathLike[str] | Mapping[str, Any] | None = None,
+        image_size: Sequence[int] | None = None,
+        nearest_rotation: bool = False,
+    ) -> Camera:
+        """A camera of SensorsCalibration (PJLab-ADG); see `ipm_rs.calibration.pjlab.read`.
+
+        Args:
+            source: the intrinsic file, or its content.
+            extrinsic: the extrinsic file from or to this camera; without it the camera is at the origin and looks along
+                +x.
+            image_size: (width, height); must agree with the file.
+            nearest_rotation: take the nearest rotation for one that is off by up to 3e-2, as three printed digits leave
+                it.
+
+        Raises:
+            CalibrationError: a key is missing or its value cannot be right.
+            ArgumentError, ArgumentTypeError: an argument is wrong.
+            FileError, MissingFileError: the file cannot be read.
+        """
+    @staticmethod
+    def from_realsense(
+        source: str | PathLike[str] | Mapping[str, Any],
+        *,
+        camera: str | None = None,
+        image_size: Sequence[int] | None = None,
+        camera_from_vehicle: ArrayLike | None = None,
+        vehicle_from_camera: ArrayLike | None = None,
+    ) -> Camera:
+        """Intrinsics of one stream of an Intel RealSense; see `ipm_rs.calibration.realsense.read`.
+
+        Args:
+            source: JSON, YAML or what `rs-enumerate-devices -c` prints, or the content as a mapping.
+            camera: the stream, "color", or "Color 1280x720" in text; needed if there is more than one.
+            image_size: (width, height); must agree with the file.
+            camera_from_vehicle: (4, 4) pose in either direction; without it the camera looks along +x.
+            vehicle_from_camera: the same the other way round; give one of them.
+
+        Raises:
+            CalibrationError: a key is missing or its value cannot be right.
+            ArgumentError, ArgumentTypeError: an argument is wrong.
+            FileError, MissingFileError: the file cannot be read.
+        """
+    @staticmethod
+    def from_opensfm(
+        source: str | PathLike[str] | Mapping[str, Any] | Sequence[Any],
+        *,
+        camera: str | None = None,
+        image_size: Sequence[int] | None = None,
+        vehicle_from_world: ArrayLike | None = None,
+        metres_per_unit: float = 1.0,
+    ) -> Camera:
+        """The camera of one shot of OpenSfM; see `ipm_rs.calibration.opensfm.read`.
+
+        Args:
+            source: `reconstruction.json` or `camera_models.json`, or its content.
+            camera: the shot, or the camera; needed if there is more than one.
+            image_size: (width, height); needed if the file lacks it, and must agree if it has it.
+            vehicle_from_world: (4, 4) pose of the file's world, in metres, in the vehicle frame; without it the world
+                is that.
+            metres_per_unit: length of the world's unit in metres.
+
+        Raises:
+            CalibrationError: a key is missing or its value cannot be right.
+            ArgumentError, ArgumentTypeError: an argument is wrong.
+            FileError, MissingFileError: the file cannot be read.
+        """
+    @staticmethod
+    def from_metashape(
+        source: str | PathLike[str],
+        *,
+        camera: str | int | None = None,
+        image_size: Sequence[int] | None = None,
+        vehicle_from_world: ArrayLike | None = None,
+        metres_per_unit: float | None = None,
+        nearest_rotation: bool = False,
+    ) -> Camera:
+        """One camera of Agisoft Metashape's `cameras.xml`; see `ipm_rs.calibration.metashape.read`.
+
+        Args:
+            source: the XML file.
+            camera: label of an aligned camera, or its number from 0; needed if there is more than one.
+            image_size: (width, height); must agree with the file.
+            vehicle_from_world: (4, 4) pose of the file's world, in metres, in the vehicle frame; without it the world
+                is that.
+            metres_per_unit: length of the chunk's unit in metres; without it the file's `scale`.
+            nearest_rotation: take the nearest rotation for one that is off by up to 3e-2, as three printed digits leave
+                it.
+
+        Raises:
+            CalibrationError: a key is missing or its value cannot be right.
+            ArgumentError, ArgumentTypeError: an argument is wrong.
+            FileError, MissingFileError: the file cannot be read.
+        """
+    @staticmethod
     def load(
         path: str | PathLike[str],
         image_size: Sequence[int] | None = None,

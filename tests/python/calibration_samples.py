@@ -6,10 +6,11 @@
 from __future__ import annotations
 
 from calibration_datasets import DATASETS
+from calibration_fleets import FLEETS
 from calibration_sample import Sample, as_json
 from calibration_tools import COLMAP_BINARY, TOOLS
 
-SAMPLES: dict[str, Sample] = {**DATASETS, **TOOLS}
+SAMPLES: dict[str, Sample] = {**DATASETS, **TOOLS, **FLEETS}
 
 # ---------------------------------------------------------------------------------------------------------------------
 # Calibration tools

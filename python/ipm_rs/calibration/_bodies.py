@@ -11,19 +11,37 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ipm_rs._arguments import check_word
 from ipm_rs._core import BrownConrady, KannalaBrandt
 from ipm_rs.calibration._checks import OPTICAL_FROM_FLU, Matrix, blame, coefficients, inverse, rigid
 from ipm_rs.calibration._lenswords import known_lens
 from ipm_rs.calibration._mount import rigid_argument
 from ipm_rs.calibration._sections import choose
-from ipm_rs.errors import CalibrationError
+from ipm_rs.errors import ArgumentError, CalibrationError
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-__all__ = ["lens_named", "on_body", "pick", "turned"]
+__all__ = [
+    "FLU_FROM_CAMERA_AXES",
+    "FLU_FROM_LEFT_BACK_UP",
+    "brown",
+    "lens_named",
+    "on_body",
+    "one_of",
+    "pick",
+    "turned",
+]
 
 _BROWN = (4, 5, 8, 12, 14)
+
+FLU_FROM_LEFT_BACK_UP: Matrix = rigid(np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]), np.zeros(3))
+"""A lidar whose x points to the left and y to the back (Pandar64 as ONCE and PandaSet mount it), as a vehicle frame."""
+FLU_FROM_LEFT_BACK_UP.flags.writeable = False
+
+FLU_FROM_CAMERA_AXES: Matrix = rigid(OPTICAL_FROM_FLU.T, np.zeros(3))
+"""From optical axes to those of a camera whose x points forward, y left, z up, as Waymo and A2D2 have them."""
+FLU_FROM_CAMERA_AXES.flags.writeable = False
 
 
 def pick(names: Sequence[str], camera: Any, origin: str) -> int:
@@ -39,6 +57,21 @@ def pick(names: Sequence[str], camera: Any, origin: str) -> int:
             return int(camera)
         camera = str(camera)
     return list(names).index(choose(dict.fromkeys(names), camera, origin))
+
+
+def one_of(name: str, value: Any, words: Sequence[str], mend: str) -> str:
+    """Check an argument that must be one of a few words.
+
+    Raises
+    ------
+    ArgumentError
+        It is none of them.
+    """
+    check_word(name, value)
+    if not isinstance(value, str) or value not in words:
+        wanted = " or ".join(map(repr, words))
+        raise ArgumentError(f"{name}: expected {wanted}, got {value!r:.60}; {mend}")
+    return value
 
 
 def on_body(
@@ -74,10 +107,17 @@ def lens_named(word: Any, values: Any, where: str, *, others: Mapping[str, str] 
         )
     if kind == "pinhole":
         return None
-    terms = coefficients(values, f"{where} ({word})", (4,) if kind == "fisheye" else _BROWN)
+    if kind == "brown_conrady":
+        return brown(values, f"{where} ({word})")
+    terms = coefficients(values, f"{where} ({word})", (4,))
     with blame(where):
-        if kind == "fisheye":
-            return KannalaBrandt(terms)
+        return KannalaBrandt(terms)
+
+
+def brown(values: Any, where: str) -> BrownConrady | None:
+    """Lens of OpenCV's terms, k1 k2 p1 p2[ k3 ...]; None where nothing bends."""
+    terms = coefficients(values, where, _BROWN)
+    with blame(where):
         return BrownConrady(terms) if terms.any() else None
 
 

@@ -48,7 +48,7 @@ from numpy.typing import NDArray
 from ipm_rs._arguments import check_word
 from ipm_rs._core import Camera
 from ipm_rs.calibration import _names as names
-from ipm_rs.calibration import _sections, json, kalibr, matlab, ros
+from ipm_rs.calibration import _sections, a2d2, autoware, json, kalibr, matlab, pandaset, ros
 from ipm_rs.calibration._camera import build
 from ipm_rs.calibration._checks import blame, describe, inverse, listed, matrix, numbers, rigid, rotation
 from ipm_rs.calibration._files import Document, Source, open_document
@@ -74,7 +74,7 @@ def missing(document: Document) -> str | None:
     """Say what a document lacks to be of this format; None if nothing."""
     if document.is_directory:
         return "a directory"
-    for other in () if document.is_npz else (json, ros, kalibr, matlab):
+    for other in () if document.is_npz else (json, ros, kalibr, matlab, a2d2, pandaset, autoware):
         if other.missing(document) is None:
             return f"{other.TITLE}'s"
     tree = document.tree
