@@ -12,7 +12,10 @@ use std::mem::MaybeUninit;
 use std::ptr;
 use std::sync::atomic::{AtomicPtr, Ordering};
 
-use ipm_rs::{Bilinear, F16, ImageView, ImageViewMut, Isa, WarpOptions};
+use ipm_rs::rig::{Mix, RigLut, RigOptions};
+use ipm_rs::{
+    BevGrid, Bilinear, Camera, F16, Ground, ImageView, ImageViewMut, Interpolation, Isa, Pinhole, SampleAt, WarpOptions,
+};
 use isas::{Job, Number, Random, Rows, Walk, compared, noise};
 
 /// On which side the samples touch a page that may not be touched.
@@ -193,6 +196,54 @@ impl Pages {
         }
     }
 
+    /// One picture of a ring of cameras with and without gains, the first image at one fence and the last at the other.
+    fn ring<T: Bilinear + Mix + Number>(&mut self, lut: &RigLut, channels: usize, random: &mut Random) {
+        let (width, height) = (lut.source_size(0).0 as usize, lut.source_size(0).1 as usize);
+        let data: Vec<T> = noise(width * height * channels * lut.cameras(), random);
+        let border: Vec<T> = noise(channels, random);
+        let gains: Vec<f32> = (0..channels * lut.cameras()).map(|k| 0.8 + 0.03 * k as f32).collect();
+        for interpolation in [Interpolation::Nearest, Interpolation::Bilinear, Interpolation::Area] {
+            for gains in [&[][..], &gains] {
+                let mut run = |isa: Isa, (source_guard, out_guard): (Guard, Guard)| -> Vec<T> {
+                    let what = format!(
+                        "\nfault: {}, {interpolation:?} of a ring of {} x{channels}, {} gains, guard {source_guard:?} the \
+                         images and {out_guard:?} the output\n\0",
+                        isa.name(),
+                        std::any::type_name::<T>(),
+                        gains.len(),
+                    );
+                    let source = self.source.samples::<T>(data.len(), source_guard);
+                    source.copy_from_slice(&data);
+                    let images: Vec<_> = (source.chunks(width * height * channels))
+                        .map(|image| ImageView::new(image, (width, height), channels).expect("an image"))
+                        .collect();
+                    let cells = lut.rows() * lut.columns();
+                    let out = self.out.samples::<T>(cells * channels, out_guard);
+                    let mut view = ImageViewMut::new(out, (lut.columns(), lut.rows()), channels).expect("a picture");
+                    let border_value = border.clone();
+                    let options = WarpOptions {
+                        interpolation,
+                        isa: Some(isa),
+                        threads: Some(1),
+                        border_value,
+                        ..Default::default()
+                    };
+                    TRYING.store(what.as_ptr().cast_mut().cast(), Ordering::Relaxed);
+                    lut.warp_into(&images, &mut view, &options, gains).expect("the images fit the table");
+                    TRYING.store(ptr::null_mut(), Ordering::Relaxed);
+                    out.to_vec()
+                };
+                let expected = run(Isa::Scalar, GUARDS[0]);
+                for isa in compared().chain([Isa::Scalar]) {
+                    for guards in GUARDS {
+                        let same = run(isa, guards).iter().zip(&expected).all(|(&got, &expected)| got.same(expected));
+                        assert!(same, "{interpolation:?} x{channels}, {} gains: {} differs", gains.len(), isa.name());
+                    }
+                }
+            }
+        }
+    }
+
     fn area<T: Bilinear + Number>(&mut self, size: (usize, usize), channels: usize, random: &mut Random) {
         self.try_all(&Job::<T>::area(), size, channels, random);
     }
@@ -206,12 +257,37 @@ impl Pages {
     }
 }
 
+/// Four small cameras around a car, whose seams and borders are all in the picture.
+fn ring() -> RigLut {
+    let camera = |yaw: f64, x: f64, y: f64| {
+        let model = Pinhole::new(16.0, 16.5, 19.7, 14.2, 0.0).expect("a pinhole");
+        Camera::from_euler(model, (40, 30), [x, y, 1.0], 0.0, 0.7, yaw).expect("a camera")
+    };
+    let cameras = [
+        ("back", camera(3.1, -0.9, 0.1)),
+        ("front", camera(0.0, 3.7, 0.0)),
+        ("left", camera(1.5, 1.9, 0.9)),
+        ("right", camera(-1.6, 1.9, -0.9)),
+    ];
+    let grid = BevGrid::new((-3.0, 7.0), (-4.0, 4.0), (0.25, 0.1), SampleAt::Center).expect("a grid");
+    RigLut::new(&cameras, &grid, &Ground::default(), &RigOptions::default()).expect("a table")
+}
+
 /// One test, because `TRYING` is one.
 #[test]
 fn no_byte_outside_the_image_or_the_output() {
     announce_faults();
     let mut random = Random::new(5);
-    let mut pages = Pages { source: Fenced::new(1 << 20), out: Fenced::new(1 << 16) };
+    let mut pages = Pages { source: Fenced::new(1 << 20), out: Fenced::new(1 << 17) };
+    let ring = ring();
+    for channels in [1, 2, 3, 4, 5] {
+        pages.ring::<u8>(&ring, channels, &mut random);
+        pages.ring::<u16>(&ring, channels, &mut random);
+        pages.ring::<f32>(&ring, channels, &mut random);
+    }
+    pages.ring::<i16>(&ring, 3, &mut random);
+    pages.ring::<F16>(&ring, 3, &mut random);
+    pages.ring::<f64>(&ring, 1, &mut random);
     // from images smaller than any vector to images wider than any window
     for size in [(2, 2), (3, 3), (7, 2), (19, 4), (40, 3), (150, 2), (150, 9)] {
         for channels in [1, 2, 3, 4, 5, 6, 7, 8, 9, 16] {

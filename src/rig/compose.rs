@@ -14,6 +14,9 @@ use crate::warp::{Bilinear, Interpolation, WarpOptions};
 /// other work drives out of the core's own cache.
 const CELLS_AT_ONCE: usize = 64;
 
+/// The middle of the floats between which there is 1.
+const WHOLE: f32 = 1.5 * (1u32 << 23) as f32;
+
 /// Samples that can be mixed and brightened.
 pub trait Mix: Sample {
     /// The sum of samples by weights in 1/32768, rounded.
@@ -41,7 +44,10 @@ macro_rules! mix_integers {
 
             #[inline(always)]
             fn brightened(self, gain: f32) -> Self {
-                (f32::from(self) * gain).round_ties_even() as Self // as saturates
+                // bound first: below 2^22 adding 1.5 * 2^23 rounds to a whole number, ties to even, and leaves it in the
+                // lowest bits. `round_ties_even` is a call where there is no SSE4.1: 16 ms of 22 for 5.8 million samples
+                let bound = (f32::from(self) * gain).clamp(f32::from(Self::MIN), f32::from(Self::MAX));
+                (bound + WHOLE).to_bits().wrapping_sub(WHOLE.to_bits()) as Self
             }
         }
     )*};
@@ -89,7 +95,7 @@ impl Mix for F16 {
     }
 }
 
-/// Factors of a camera's channels, or none where all are 1.
+/// Factors of the samples of [`CELLS_AT_ONCE`] cells of a camera, or none where all are 1.
 type Gains<'a> = Option<&'a [f32]>;
 
 impl RigLut {
@@ -112,7 +118,13 @@ impl RigLut {
         self.check(images, out, options)?;
         let channels = images[0].channels();
         self.check_gains(gains, channels)?;
-        let gains = |table: u8| gains.chunks_exact(channels).nth(self.cameras[usize::from(table)]);
+        // repeated, so that samples and factors are two rows of one length, which compile to vectors
+        let mut repeated = buffer::reserved(WHAT, gains.len() * CELLS_AT_ONCE)?;
+        for gains in gains.chunks_exact(channels) {
+            repeated.extend(std::iter::repeat_n(gains, CELLS_AT_ONCE).flatten().copied());
+        }
+        let size = CELLS_AT_ONCE * channels;
+        let gains = |table: u8| repeated.chunks_exact(size).nth(self.cameras[usize::from(table)]);
         let mix = |piece: &Piece<'_>, scratch: &mut [T], fill: Fill<'_, T>, cells: &mut [T]| {
             mixed(piece, channels, gains, scratch, fill, cells);
         };
@@ -381,10 +393,26 @@ fn mixed<'a, T: Mix>(
     }
 }
 
-/// Multiplies each channel by its factor.
+/// Multiplies samples, the first of which is a cell's first, by their factors.
 fn brighten<T: Mix>(cells: &mut [T], gains: Gains<'_>) {
     let Some(gains) = gains else { return };
-    for cell in cells.chunks_exact_mut(gains.len()) {
-        cell.iter_mut().zip(gains).for_each(|(sample, &gain)| *sample = sample.brightened(gain));
+    for cells in cells.chunks_mut(gains.len()) {
+        cells.iter_mut().zip(gains).for_each(|(sample, &gain)| *sample = sample.brightened(gain));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn brightened_samples_are_rounded_to_even_and_kept_to_their_type() {
+        for gain in [0.0, 1e-3, 0.25, 0.5, 0.75, 1.0, 1.125, 1.5, 2.0, 3.3, 1e3] {
+            let exact = |sample: f32| (sample * gain).round_ties_even();
+            (0..=u8::MAX).for_each(|x| assert_eq!(x.brightened(gain), exact(x.into()) as u8, "{x} x {gain}"));
+            (i8::MIN..=i8::MAX).for_each(|x| assert_eq!(x.brightened(gain), exact(x.into()) as i8, "{x} x {gain}"));
+            (0..=u16::MAX).for_each(|x| assert_eq!(x.brightened(gain), exact(x.into()) as u16, "{x} x {gain}"));
+            (i16::MIN..=i16::MAX).for_each(|x| assert_eq!(x.brightened(gain), exact(x.into()) as i16, "{x} x {gain}"));
+        }
     }
 }
