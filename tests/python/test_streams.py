@@ -16,7 +16,7 @@ from PIL import Image
 import ipm_rs
 from ipm_rs import errors, streams
 from ipm_rs.cli import main
-from ipm_rs.streams._ordered import ordered
+from ipm_rs.streams.ordered import ordered
 
 av = pytest.importorskip("av")
 

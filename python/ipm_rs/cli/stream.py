@@ -17,7 +17,7 @@ from ipm_rs.cli.printing import emit, error_line, no_progress, progress_bar
 from ipm_rs.errors import ArgumentError, CalibrationError, FileError, ImageError, IpmError
 from ipm_rs.files import images
 from ipm_rs.streams import folder
-from ipm_rs.streams._sinks import VIDEO_CODECS
+from ipm_rs.streams.sinks import VIDEO_CODECS
 
 _TOLD = 5
 """So many errors of frames are printed; the summary counts the others."""

@@ -35,7 +35,7 @@ from ipm_rs.cli.printing import Progress, emit, error_line, no_progress, progres
 from ipm_rs.errors import ArgumentError, FileError, ImageError, IpmError
 from ipm_rs.files import images
 from ipm_rs.streams import folder
-from ipm_rs.streams._ordered import cpus, ordered
+from ipm_rs.streams.ordered import cpus, ordered
 
 _LINES = 20
 """Of more images, one line tells of all."""

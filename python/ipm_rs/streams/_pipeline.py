@@ -15,8 +15,8 @@ from ipm_rs._arguments import path_text
 from ipm_rs._core import Lut
 from ipm_rs.errors import ArgumentError, ArgumentTypeError, FileError, ImageError, IpmError
 from ipm_rs.streams._frame import Frame, Stream, Ticket
-from ipm_rs.streams._ordered import cpus, ordered
-from ipm_rs.streams._sinks import Sink, sink_for
+from ipm_rs.streams.ordered import cpus, ordered
+from ipm_rs.streams.sinks import Sink, sink_for
 
 __all__ = ["Summary", "warp"]
 
