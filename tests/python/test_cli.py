@@ -524,6 +524,7 @@ def test_a_missing_extra_is_named(
     for name in [name for name in sys.modules if name == module or name.startswith(f"{module}.")]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, module, None)
+    monkeypatch.setenv("NO_COLOR", "1")
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
     assert cli.main([*arguments.split(), *(SIZE if "warp" in arguments else [])]) == 2
     message = capsys.readouterr().err

@@ -107,6 +107,7 @@ def test_options_reach_the_library(here, frame):
 def test_several_into_directories(here, capsys, monkeypatch):
     for i in range(3):
         np.save(f"d{i}.npy", depth() + np.float32(i))
+    monkeypatch.setenv("NO_COLOR", "1")
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
     names = [f"d{i}.npy" for i in range(3)]
     assert cloud(*names, "--rgb", *["rgb.png"] * 3, "-o", "clouds/", "--bev", "bevs/", *GRID) == 0

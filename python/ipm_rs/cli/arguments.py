@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 import contextlib
 import os
+import re
+import textwrap
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, NoReturn, TypeAlias, TypeVar
@@ -17,12 +19,23 @@ from ipm_rs.files.atomic import check_target
 Header = TypeVar("Header")
 
 
+class _Formatter(argparse.RawDescriptionHelpFormatter):
+    """Help as wide as the terminal: paragraphs are filled, and lines that begin with blanks stay as they are."""
+
+    def _fill_text(self, text: str, width: int, indent: str) -> str:
+        paragraphs = [
+            part if re.search(r"^ ", part, re.MULTILINE) else textwrap.fill(" ".join(part.split()), width)
+            for part in text.split("\n\n")
+        ]
+        return "\n\n".join(paragraphs)
+
+
 class Parser(argparse.ArgumentParser):
     """Parser whose mistakes are ordinary errors of this program, and whose help ends with examples."""
 
     def __init__(self, *, examples: str = "", **options: Any) -> None:
         super().__init__(
-            formatter_class=argparse.RawDescriptionHelpFormatter,
+            formatter_class=_Formatter,
             epilog=f"Examples:\n{examples}",
             allow_abbrev=False,
             **options,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import re
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from typing import Protocol, TextIO, TypeVar
@@ -12,6 +13,10 @@ from ipm_rs.errors import MissingExtraError
 
 T = TypeVar("T")
 Say = Callable[[str, TextIO], None]
+
+
+_MARK = re.compile(r"^ipm-rs: (error|warning):")
+_COLOURS = {"error": 31, "warning": 33}  # red, yellow
 
 
 class Progress(Protocol):
@@ -25,10 +30,22 @@ def emit(line: str, stream: TextIO | None = None, *, end: str = "\n") -> None:
     """Print now; a name that the terminal cannot show is escaped, and a reader who has gone away is no error."""
     stream = sys.stdout if stream is None else stream
     encoding = getattr(stream, "encoding", None) or "utf-8"
+    if _shows_colours(stream):
+        line = _MARK.sub(lambda mark: f"\x1b[1;{_COLOURS[mark[1]]}m{mark[0]}\x1b[0m", line)
     try:
         print(line.encode(encoding, "backslashreplace").decode(encoding), end=end, file=stream, flush=True)
     except BrokenPipeError:
         discard(stream)
+
+
+def _shows_colours(stream: TextIO) -> bool:
+    """Say whether a stream is a terminal that shows colours, and nobody has asked for none (https://no-color.org)."""
+    if os.environ.get("NO_COLOR") or os.environ.get("TERM") == "dumb" or os.name == "nt":
+        return False
+    try:
+        return stream.isatty()
+    except (AttributeError, ValueError):  # something else that is written to, or closed
+        return False
 
 
 def error_line(error: object) -> str:

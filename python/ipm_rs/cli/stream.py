@@ -34,8 +34,11 @@ def concerns(args: argparse.Namespace) -> bool:
     for option, kind in (("topic", "bag"), ("scene", "nuscenes")):
         if getattr(args, option) is not None and kinds != [kind]:
             raise ArgumentError(f"--{option}: expected an input of {kind}, got another; leave it out")
-    to_video = Path(args.output).suffix.lower() in VIDEO_CODECS
-    return other is not None or (len(kinds) == 1 and to_video and folder.is_several(str(args.images[0])))
+    several = len(kinds) == 1 and folder.is_several(str(args.images[0]))
+    to_video = args.mask_video is not None or Path(args.output).suffix.lower() in VIDEO_CODECS
+    if args.mask_video is not None and other is None and not several:
+        raise ArgumentError("--mask-video: expected a video or another stream to warp, got images; give --mask")
+    return other is not None or (to_video and several)
 
 
 def _kind(source: str) -> str | None:
@@ -92,8 +95,16 @@ def run(args: argparse.Namespace, grid: ipm_rs.BevGrid, options: dict[str, Any])
     if args.mask is not None:
         images.check_format(args.mask, "L", "the mask")
         check_output(args.mask, may_exist=args.force)
+    if args.mask_video is not None:
+        if args.mask_video.suffix.lower() not in VIDEO_CODECS:
+            known = ", ".join(VIDEO_CODECS)
+            raise ArgumentError(f"--mask-video: expected a name that ends in {known}, got {args.mask_video}; rename it")
+        check_output(args.mask_video, may_exist=args.force)
+        if os.path.realpath(args.mask_video) == os.path.realpath(output):
+            raise ArgumentError(f"{output}: expected a name of its own for --mask-video, got the output's; rename one")
     lut = ipm_rs.Lut(camera, grid, ground=args.ground)
-    summary = _warp(args, stream, lut, output, options)
+    tables = lut if args.poses is None else streams.per_frame(camera, grid, args.poses, ground=args.ground)
+    summary = _warp(args, stream, tables, output, options)
     if args.mask is not None:
         images.write(args.mask, np.where(lut.mask, np.uint8(255), np.uint8(0)), images.Look("L"))
     if not args.quiet:
@@ -109,7 +120,7 @@ def run(args: argparse.Namespace, grid: ipm_rs.BevGrid, options: dict[str, Any])
 
 
 def _warp(
-    args: argparse.Namespace, stream: streams.Stream, lut: ipm_rs.Lut, output: Path, options: dict[str, Any]
+    args: argparse.Namespace, stream: streams.Stream, lut: Any, output: Path, options: dict[str, Any]
 ) -> streams.Summary:
     show = not args.quiet and sys.stderr.isatty()
     told = 0
@@ -132,6 +143,7 @@ def _warp(
             skip_existing=args.skip_existing,
             strict=args.strict,
             level=args.png_level,
+            mask=args.mask_video,
             report=report,
             **options,
         )

@@ -6,7 +6,6 @@ import argparse
 import contextlib
 import os
 import sys
-import textwrap
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -14,7 +13,7 @@ from typing import Any
 import numpy as np
 
 import ipm_rs
-from ipm_rs import calibration
+from ipm_rs import calibration, streams
 from ipm_rs.cli import stream
 from ipm_rs.cli.arguments import (
     Commands,
@@ -61,7 +60,7 @@ images, a damaged one is told of and left out; the others are made, and the exit
 output decides its format: """
         + " ".join(images.FORMATS)
         + ".\n\n"
-        + textwrap.fill(f"The format of the calibration is recognised: {', '.join(calibration.FORMATS)}.", 118),
+        + f"The format of the calibration is recognised: {', '.join(calibration.FORMATS)}.",
         examples="""\
   ipm-rs warp camera.json frame.png -o bev.png
   ipm-rs warp camera.json frame.png -o bev.png --x 7 50 --y -10 10 --resolution 0.05 0.025 --sample-at corner
@@ -70,6 +69,7 @@ output decides its format: """
   ipm-rs warp camera.json drive.mp4 -o bev.mp4 --start 60 --end 90
   ipm-rs warp camera.json run.mcap --topic /front/image_raw -o bev.mp4
   ipm-rs warp 2011_09_26_drive_0001_sync/ 2011_09_26_drive_0001_sync/ -o bevs/ --ground -1.73
+  ipm-rs warp camera.json drive.mp4 -o bev.mp4 --poses pitch.csv --mask-video seen.mp4
   ipm-rs warp calib/000114.txt 000114.png -o bev.png --image-size 1242 375 --ground -1.73
   ipm-rs warp v1.0-mini/calibrated_sensor.json front.jpg -o bev.png --camera CAM_FRONT
   ipm-rs warp camera.json frame.png -o bev.png --resolution 0.1 --interpolation area
@@ -114,6 +114,15 @@ output decides its format: """
     running = warp.add_argument_group("run")
     running.add_argument(
         "--mask", metavar="PATH", type=Path, help="also write the validity mask, 255 where a cell is seen"
+    )
+    running.add_argument(
+        "--mask-video", metavar="PATH", type=Path, help="also write a video of the mask of each frame, 255 or 0"
+    )
+    running.add_argument(
+        "--poses",
+        metavar="CSV",
+        help="how the camera stood at each frame: name, frame or timestamp, then pitch_deg, roll_deg, yaw_deg, x, y, "
+        "z, or vehicle_pitch_deg, vehicle_roll_deg, vehicle_z on top of the calibration; each frame has its own table",
     )
     running.add_argument("--jobs", metavar="N", type=count, help="frames at a time (default: the CPUs there are)")
     running.add_argument("--every", metavar="N", type=count, default=1, help="only every so many-th frame")
@@ -178,24 +187,29 @@ def run(args: argparse.Namespace) -> None:
     progress: Progress = progress_bar("image") if show_progress else no_progress
 
     lut = ipm_rs.Lut(camera, grid, ground=args.ground)
+    tables = None if args.poses is None else streams.per_frame(camera, grid, args.poses, ground=args.ground)
     mask = lut.mask
     jobs = min(args.jobs or cpus(), len(headers))
     if jobs > 1:
         options["threads"] = args.threads or 1  # the images are work enough for all CPUs
 
-    def warp(job: tuple[images.Header, Path]) -> float | None:
-        header, output = job
+    def warp(job: tuple[int, images.Header, Path]) -> float | None:
+        index, header, output = job
         if args.skip_existing and output.exists():
             return None
         pixels, look = images.read(header.path)
+        table = lut if tables is None else tables(streams.Frame(pixels, header.path.stem, index))
         start = perf_counter()
-        bev = lut.warp(pixels, **options)
+        bev = table.warp(pixels, **options)
         milliseconds = 1e3 * (perf_counter() - start)
         output.parent.mkdir(parents=True, exist_ok=True)
         images.write(output, bev, look, level=args.png_level)
         return milliseconds
 
-    tasks = list(zip(headers, outputs, strict=True))
+    places = {path: index for index, path in enumerate(args.images)}
+    tasks = [
+        (args.every * places[header.path], header, output) for header, output in zip(headers, outputs, strict=True)
+    ]
     begin, done, skipped = perf_counter(), 0, 0
     line_each = not args.quiet and len(headers) <= _LINES
     rows, cols = lut.shape
@@ -203,7 +217,7 @@ def run(args: argparse.Namespace) -> None:
         progress(tasks) as (steps, say),
         contextlib.closing(ordered(tasks, warp, jobs)) as results,
     ):
-        for _, ((_, output), future) in zip(steps, results, strict=False):  # the bar moves with what is done
+        for _, ((_, _, output), future) in zip(steps, results, strict=False):  # the bar moves with what is done
             try:
                 milliseconds = future.result()
             except (FileError, ImageError) as error:  # one damaged frame does not stop the others

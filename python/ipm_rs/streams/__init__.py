@@ -20,10 +20,11 @@ from typing import Any, Protocol, cast
 
 from ipm_rs._arguments import path_text
 from ipm_rs.errors import ArgumentError, ArgumentTypeError, FileError
+from ipm_rs.streams._attitudes import per_frame
 from ipm_rs.streams._frame import Frame, Stream, Ticket
 from ipm_rs.streams._pipeline import Summary, warp
 
-__all__ = ["FORMATS", "Frame", "Stream", "Summary", "Ticket", "open", "recognise", "warp"]
+__all__ = ["FORMATS", "Frame", "Stream", "Summary", "Ticket", "open", "per_frame", "recognise", "warp"]
 
 FORMATS: tuple[str, ...] = (
     "bag",

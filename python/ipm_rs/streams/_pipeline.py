@@ -11,6 +11,9 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ipm_rs._arguments import path_text
 from ipm_rs._core import Lut
 from ipm_rs.errors import ArgumentError, ArgumentTypeError, FileError, ImageError, IpmError
@@ -49,6 +52,8 @@ def warp(
     strict: bool = False,
     ending: str | None = None,
     level: int = 1,
+    mask: str | os.PathLike[str] | None = None,
+    draw: Callable[[NDArray[Any], Lut], NDArray[Any]] | None = None,
     report: Callable[[Ticket, IpmError | None], None] | None = None,
     **options: Any,
 ) -> Summary:
@@ -77,6 +82,10 @@ def warp(
         for shards of 64 pictures.
     level : int
         Of PNG's compression, 0 to 9. 1 takes a third of the time of 6, Pillow's own, and makes files a sixth larger.
+    mask : path, optional
+        A second video or folder, of the cells that each frame sees, 255, or does not, 0.
+    draw : callable, optional
+        Takes a view and the table that made it, and returns the picture to write; called on several threads.
     report : callable, optional
         Called with each frame's ticket, and its error or None, in order.
     **options
@@ -98,31 +107,33 @@ def warp(
     if not isinstance(lut, Lut) and not callable(lut):
         raise ArgumentTypeError(f"lut: expected a Lut or a function, got {type(lut).__name__}; build one")
     path = Path(path_text("output", output))
+    if draw is not None and not callable(draw):
+        raise ArgumentTypeError(f"draw: expected a function, got {type(draw).__name__}; leave it out")
     jobs = cpus() if jobs is None else _whole("jobs", jobs, 1, 1000)
     level = _whole("level", level, 0, 9)
     if skip_existing and path.suffix.lower() in (".mp4", ".mov", ".mkv", ".webm", ".avi") and path.exists():
         return Summary()  # a video is there only if it is whole
-    sink = sink_for(path, rate=stream.rate, ending=ending, level=level)
+    sinks = [sink_for(path, rate=stream.rate, ending=ending, level=level)]
+    if mask is not None:
+        sinks.append(sink_for(Path(path_text("mask", mask)), rate=stream.rate, level=level))
     # More than one job: a warp takes one thread, because its frames are enough work for all CPUs.
     options.setdefault("threads", None if jobs == 1 else 1)
-    return run(stream, lut, sink, jobs=jobs, skip_existing=skip_existing, strict=strict, report=report, options=options)
+    work = _work(stream, lut, sinks, skip_existing, draw, options)
+    return _run(stream, work, sinks, jobs=jobs, strict=strict, report=report)
 
 
-def run(
+def _work(
     stream: Stream,
     lut: Lut | Callable[[Frame], Lut],
-    sink: Sink,
-    *,
-    jobs: int,
+    sinks: list[Sink],
     skip_existing: bool,
-    strict: bool,
-    report: Callable[[Ticket, IpmError | None], None] | None,
+    draw: Callable[[NDArray[Any], Lut], NDArray[Any]] | None,
     options: dict[str, Any],
-) -> Summary:
-    """Do the work of `warp`, its arguments checked."""
+) -> Callable[[Ticket], list[Any] | None]:
+    """Return what is done to a ticket on one of the threads: what each sink puts, or None where all have it already."""
 
-    def work(ticket: Ticket) -> Any:
-        if skip_existing and sink.has(ticket):
+    def work(ticket: Ticket) -> list[Any] | None:
+        if skip_existing and all(sink.has(ticket) for sink in sinks):
             return None
         frame = ticket.load()
         table = lut if isinstance(lut, Lut) else lut(frame)
@@ -130,11 +141,28 @@ def run(
             view = table.warp(frame.image, **options)
         except ImageError as error:
             raise ImageError(f"{stream.path}: frame {ticket.name}: {error}") from error
-        return (sink.prepare(ticket, view),)
+        pictures = [view if draw is None else draw(view, table)]
+        if len(sinks) > 1:
+            pictures.append(np.where(table.mask, np.uint8(255), np.uint8(0)))
+        return [sink.prepare(ticket, picture) for sink, picture in zip(sinks, pictures, strict=True)]
 
+    return work
+
+
+def _run(
+    stream: Stream,
+    work: Callable[[Ticket], list[Any] | None],
+    sinks: list[Sink],
+    *,
+    jobs: int,
+    strict: bool,
+    report: Callable[[Ticket, IpmError | None], None] | None,
+) -> Summary:
+    """Do the work of `warp`, its arguments checked."""
     summary, begin = Summary(), perf_counter()
     with contextlib.ExitStack() as stack:
-        stack.callback(sink.discard)
+        for sink in sinks:
+            stack.callback(sink.discard)
         with contextlib.closing(ordered(stream.tickets(), work, jobs)) as results:
             for ticket, future in results:
                 error: IpmError | None = None
@@ -143,7 +171,8 @@ def run(
                     if made is None:
                         summary.skipped += 1
                     else:
-                        sink.put(ticket, made[0])
+                        for sink, prepared in zip(sinks, made, strict=True):
+                            sink.put(ticket, prepared)
                         summary.done += 1
                 except (FileError, ImageError) as problem:
                     if strict or _is_fatal(problem):
@@ -155,7 +184,8 @@ def run(
                 if report is not None:
                     report(ticket, error)
         if summary.done or not summary.failed:
-            sink.close()
+            for sink in sinks:
+                sink.close()
             stack.pop_all()
     summary.seconds = perf_counter() - begin
     return summary
