@@ -14,11 +14,14 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+from bags import Bag
 from calibration_samples import SAMPLES
 from helpers import textured
+from PIL import Image
+from test_streams import write_video
 
 import ipm_rs
-from ipm_rs import calibration, draw, pointfile
+from ipm_rs import calibration, draw, pointfile, streams
 
 WIDTH, HEIGHT = 64, 48
 K = np.array([[50.0, 0, 31.5], [0, 50, 23.5], [0, 0, 1]])
@@ -313,12 +316,49 @@ def _pickled(v: Values) -> tuple[Callable[..., Any], Arguments]:
     return pickle.loads, {"data": pickle.dumps(v.rng.choice(OBJECTS))}
 
 
+def _streams_open(v: Values) -> tuple[Callable[..., Any], Arguments]:
+    kind, more = v.rng.choice(
+        [
+            ("folder", {}),
+            ("video", {"rotation": "refuse", "bits": v.rng.choice([8, 16])}),
+            ("bag", {"topic": "/image", "vehicle_frame": "base_link", "clock": "log", "max_gap": 1.0, "poses": True}),
+        ]
+    )
+    path = v.folder / {"folder": v.rng.choice(["frames", "frames/list.txt"]), "video": "a.mkv", "bag": "a.bag"}[kind]
+    if kind != "folder":
+        more |= {"start": 0.0, "end": 9.0}
+    return lambda **options: list(streams.open(**options)), {"path": path, "kind": kind, "every": 2, **more}
+
+
+def _streams_warp(v: Values) -> tuple[Callable[..., Any], Arguments]:
+    return streams.warp, {
+        "stream": streams.open(v.folder / "frames"),
+        "lut": LUTS[0],
+        "output": v.folder / v.rng.choice(["bevs", "bevs-of-npy"]),
+        "jobs": v.rng.choice([1, 2]),
+        "skip_existing": v.rng.choice([True, False]),
+        "strict": True,
+        "ending": v.rng.choice([".png", ".npy", ".npz"]),
+        "level": 0,
+        "mask": v.folder / "masks",
+        "draw": lambda view, lut: view,
+        "interpolation": "nearest",
+    }
+
+
 def _with(function: Callable[..., Any], make: Callable[[Values], Arguments]) -> Callable[[Values], Any]:
     return lambda v: (function, make(v))
 
 
 RECIPES: dict[str, Callable[[Values], tuple[Callable[..., Any], Arguments]]] = {
     "Lut.warp": _warp,
+    "streams.open": _streams_open,
+    "streams.warp": _streams_warp,
+    "streams.recognise": lambda v: (streams.recognise, {"path": v.folder / v.rng.choice(["frames", "a.mkv", "a.bag"])}),
+    "streams.per_frame": lambda v: (
+        streams.per_frame,
+        {"camera": CAMERAS[0], "grid": GRIDS[0], "path": v.folder / "pitch.csv", "ground": 0.0, "max_gap": 1.0},
+    ),
     "RigLut.warp": _rig_warp,
     "RigLut.gains": lambda v: (v.rng.choice(RIG_LUTS).gains, {"images": v.rig_images("u1 f4")}),
     "Lut.save": lambda v: (LUTS[0].save, {"path": v.folder / "written.ipmlut"}),
@@ -536,6 +576,16 @@ def write_files(folder: pathlib.Path) -> None:
     RIG.save(folder / "rig.json")
     LUTS[0].save(folder / "front.ipmlut")
     RIG_LUTS[0].save(folder / "ring.ipmlut")
+    (folder / "frames").mkdir()
+    for number in range(2):
+        Image.fromarray(textured(HEIGHT, WIDTH, 3, seed=number)).save(folder / "frames" / f"{number}.png")
+    (folder / "frames" / "list.txt").write_text("1.png\n0.png\n")
+    (folder / "pitch.csv").write_text("frame,pitch_deg,vehicle_roll\n0,10,0.01\n1,11,0\n")
+    write_video(folder / "a.mkv", [textured(HEIGHT, WIDTH, 3, seed=number) for number in range(3)])
+    with Bag(folder / "a.bag", "bag") as bag:
+        for number in range(3):
+            bag.tf([("map", "base_link", (number, 0, 0), (1, 0, 0, 0))], float(number))
+            bag.image("/image", textured(HEIGHT, WIDTH, seed=number), "mono8", float(number))
     np.savetxt(folder / "poses.txt", TRAJECTORY.poses[:, :3].reshape(-1, 12))
     points = np.random.default_rng(2).uniform(-5, 15, (50, 3)).astype("f4")
     for name in FILES:

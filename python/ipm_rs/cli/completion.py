@@ -91,7 +91,7 @@ def _zsh(commands: Parsers) -> str:
                 continue
             words = f"({_words(action)})" if action.choices else "_files"
             if not action.option_strings:
-                specs.append(_quoted(f"*:{action.dest}:{words}"))
+                specs.append(_quoted(f"{'*' if action.nargs == '+' else ''}:{action.dest}:{words}"))
                 continue
             text = _plain(action.help).replace("[", r"\[").replace("]", r"\]")
             values = "" if action.nargs == 0 else f":{action.dest}:{words}" * (_count(action))

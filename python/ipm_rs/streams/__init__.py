@@ -18,8 +18,9 @@ import os
 from importlib import import_module
 from typing import Any, Protocol, cast
 
-from ipm_rs._arguments import path_text
+from ipm_rs._arguments import number_of, path_text
 from ipm_rs.errors import ArgumentError, ArgumentTypeError, FileError
+from ipm_rs.files.atomic import reading
 from ipm_rs.streams._attitudes import per_frame
 from ipm_rs.streams._frame import Frame, Stream, Ticket
 from ipm_rs.streams._pipeline import Summary, warp
@@ -37,6 +38,9 @@ FORMATS: tuple[str, ...] = (
     "video",
 )
 """Kinds of sources, in the order in which they are tried."""
+
+
+_MOST = 10**9
 
 
 class Source(Protocol):
@@ -99,18 +103,26 @@ def open(
         raise ArgumentTypeError(
             f"every: expected a whole number, got {type(every).__name__}; 2 takes every other frame"
         )
-    if every < 1:
-        raise ArgumentError(f"every: expected at least 1, got {every}; 2 takes every other frame")
-    for name, moment in (("start", start), ("end", end)):
-        if moment is not None and (isinstance(moment, bool) or not isinstance(moment, (int, float))):
-            raise ArgumentTypeError(f"{name}: expected seconds, got {type(moment).__name__}; pass a number")
-        if moment is not None and not moment >= 0:
-            raise ArgumentError(f"{name}: expected seconds from 0 on, got {moment}")
+    if not 1 <= every <= _MOST:
+        raise ArgumentError(f"every: expected 1 to {_MOST}, got another number; 2 takes every other frame")
+    first, last = (_seconds(name, moment) for name, moment in (("start", start), ("end", end)))
     if kind is None:
         kind = recognise(text)
-    elif not isinstance(kind, str) or kind not in FORMATS:
+    elif not isinstance(kind, str):
+        raise ArgumentTypeError(f"kind: expected a name, got {type(kind).__name__}; leave it out")
+    elif kind not in FORMATS:
         raise ArgumentError(f"kind: expected {', '.join(map(repr, FORMATS))}, got {kind!r:.80}; choose one")
-    return _source(kind).read(text, **options).chosen(every=every, start=start, end=end)
+    with reading(text, "a stream of frames"):  # what the file system says of a name that no file can have
+        return _source(kind).read(text, **options).chosen(every=every, start=first, end=last)
+
+
+def _seconds(name: str, moment: Any) -> float | None:
+    if moment is None:
+        return None
+    seconds = number_of(name, moment)
+    if seconds < 0:
+        raise ArgumentError(f"{name}: expected seconds from 0 on, got {seconds:g}")
+    return seconds
 
 
 def recognise(path: str | os.PathLike[str]) -> str:
@@ -124,9 +136,10 @@ def recognise(path: str | os.PathLike[str]) -> str:
         It is no path.
     """
     text = path_text("path", path)
-    for name in FORMATS:
-        if _source(name).recognises(text):
-            return name
+    with reading(text, "a stream of frames"):
+        found = next((name for name in FORMATS if _source(name).recognises(text)), None)
+    if found is not None:
+        return found
     known = "; ".join(_source(name).TITLE for name in FORMATS)
     raise FileError(
         f"{text}: expected a stream of frames, got none that is known ({known}); give kind= or another path"

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ipm_rs._arguments import path_text
+from ipm_rs._arguments import flag_of, path_text
 from ipm_rs._core import Lut
 from ipm_rs.errors import ArgumentError, ArgumentTypeError, FileError, ImageError, IpmError
 from ipm_rs.streams._frame import Frame, Stream, Ticket
@@ -104,11 +104,15 @@ def warp(
     """
     if not isinstance(stream, Stream):
         raise ArgumentTypeError(f"stream: expected a Stream, got {type(stream).__name__}; make one with streams.open()")
-    if not isinstance(lut, Lut) and not callable(lut):
+    if not isinstance(lut, Lut) and (not callable(lut) or isinstance(lut, type)):
         raise ArgumentTypeError(f"lut: expected a Lut or a function, got {type(lut).__name__}; build one")
     path = Path(path_text("output", output))
-    if draw is not None and not callable(draw):
+    if ending is not None and not isinstance(ending, str):
+        raise ArgumentTypeError(f"ending: expected text, got {type(ending).__name__}; '.png' is one")
+    if draw is not None and (not callable(draw) or isinstance(draw, type)):
         raise ArgumentTypeError(f"draw: expected a function, got {type(draw).__name__}; leave it out")
+    for name, flag in (("skip_existing", skip_existing), ("strict", strict)):
+        flag_of(name, flag)
     jobs = cpus() if jobs is None else _whole("jobs", jobs, 1, 1000)
     level = _whole("level", level, 0, 9)
     if skip_existing and path.suffix.lower() in (".mp4", ".mov", ".mkv", ".webm", ".avi") and path.exists():
@@ -137,6 +141,8 @@ def _work(
             return None
         frame = ticket.load()
         table = lut if isinstance(lut, Lut) else lut(frame)
+        if not isinstance(table, Lut):
+            raise ArgumentTypeError(f"lut: expected a function that returns a Lut, got {type(table).__name__} from it")
         try:
             view = table.warp(frame.image, **options)
         except ImageError as error:

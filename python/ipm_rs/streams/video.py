@@ -62,10 +62,10 @@ def read(path: str, rotation: str = "refuse", bits: int = 8) -> Stream:
     MissingExtraError
         PyAV is not installed.
     """
-    if rotation not in _ROTATIONS:
-        raise ArgumentError(f"rotation: expected {', '.join(map(repr, _ROTATIONS))}, got {rotation!r:.60}; choose one")
-    if bits not in (8, 16):
-        raise ArgumentError(f"bits: expected 8 or 16, got {bits!r:.60}; choose one")
+    if not isinstance(rotation, str) or rotation not in _ROTATIONS:
+        raise ArgumentError(f"rotation: expected {', '.join(map(repr, _ROTATIONS))}, got another; choose one")
+    if isinstance(bits, bool) or not isinstance(bits, int) or bits not in (8, 16):
+        raise ArgumentError("bits: expected 8 or 16, got another; choose one")
     place = Path(path)
     check_source(place, "a video")
     av = require_av()

@@ -11,7 +11,7 @@ import numpy as np
 
 from ipm_rs._arguments import array_of, path_text
 from ipm_rs.errors import ArgumentError, ArgumentTypeError, FileError
-from ipm_rs.files.atomic import check_source
+from ipm_rs.files.atomic import check_source, reading
 from ipm_rs.trajectory import _tables, _text
 from ipm_rs.trajectory._quaternions import Array
 
@@ -36,12 +36,14 @@ def read(path: Any, format: Any, timestamps: Any, mount: Array | None) -> tuple[
     """Return the seconds, (N,), and ``map_from_vehicle``, (N, 4, 4), of a file; see `Trajectory.load`."""
     place = Path(path_text("path", path))
     if format is None:
-        format = _recognised(place)
+        with reading(place, "poses"):  # what the file system says of a name that no file can have
+            format = _recognised(place)
     elif not isinstance(format, str) or format not in FORMATS:
         raise ArgumentError(f"format: expected one of {', '.join(FORMATS)}; choose one, or leave it out")
     if format != "kitti" and timestamps is not None:
         raise ArgumentError(f"timestamps: expected none for {format}, whose files have them; leave it out")
-    times, poses = FORMATS[format](place)
+    with reading(place, "poses"):
+        times, poses = FORMATS[format](place)
     if format == "kitti":
         vehicle_from_camera = _CAMERA_AXES if mount is None else mount
         poses = vehicle_from_camera @ poses @ np.linalg.inv(vehicle_from_camera)
