@@ -161,6 +161,25 @@ def test_views_can_be_drawn_on(frames, tmp_path):
         streams.warp(streams.open(frames), lut, tmp_path / "other", draw="axes")
 
 
+def test_the_command_draws_axes(frames, tmp_path, capsys):
+    run = ["warp", str(tmp_path / "camera.json"), *WORDS, "--axes"]
+    assert main([*run[:2], str(frames), *run[2:], "-o", str(tmp_path / "bevs")]) == 0
+    lut = table()
+    for k, pixels in enumerate(PICTURES):
+        found = np.asarray(Image.open(tmp_path / "bevs" / f"f{k}_bev.png"))
+        assert np.array_equal(found, np.asarray(ipm_rs.draw.axes(lut.warp(pixels), GRID, mask=lut.mask)))
+    pytest.importorskip("av")
+    assert main([*run[:2], str(frames), *run[2:], "-o", str(tmp_path / "bev.mp4")]) == 0
+    shown = next(iter(streams.open(tmp_path / "bev.mp4"))).image
+    whole = np.asarray(ipm_rs.draw.axes(lut.warp(PICTURES[0]), GRID, mask=lut.mask))
+    rows, cols = whole.shape[:2]
+    assert shown.shape[0] - rows in (0, 1)
+    assert np.median(np.abs(shown[:rows, :cols].astype(int) - whole)) <= 4  # after a codec
+    Image.fromarray(PICTURES[0][..., 0], "L").convert("P").save(tmp_path / "ids.png")
+    labels = [str(tmp_path / "ids.png"), "-o", str(tmp_path / "x.png"), "--interpolation", "nearest"]
+    assert main([*run[:2], *labels, *run[2:]]) == 2 and "--axes" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("output", ["out", "out.mp4"])
 def test_a_full_disk_is_one_clear_line(frames, tmp_path, monkeypatch, output):
     """Where a write fails for want of space, the run stops, and what is not whole is gone."""

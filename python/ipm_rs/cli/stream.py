@@ -9,9 +9,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 import ipm_rs
-from ipm_rs import streams
+from ipm_rs import draw, streams
 from ipm_rs.cli.arguments import check_output, load_camera_sized
 from ipm_rs.cli.printing import emit, error_line, no_progress, progress_bar
 from ipm_rs.errors import ArgumentError, CalibrationError, FileError, ImageError, IpmError
@@ -39,6 +40,12 @@ def concerns(args: argparse.Namespace) -> bool:
     if args.mask_video is not None and other is None and not several:
         raise ArgumentError("--mask-video: expected a video or another stream to warp, got images; give --mask")
     return other is not None or (to_video and several)
+
+
+def with_axes(view: NDArray[Any], lut: ipm_rs.Lut) -> NDArray[np.uint8]:
+    """Return a view with axes in metres around it, and what the camera does not see hatched."""
+    assert lut.grid is not None
+    return np.asarray(draw.axes(view, lut.grid, mask=lut.mask))
 
 
 def _kind(source: str) -> str | None:
@@ -144,6 +151,7 @@ def _warp(
             strict=args.strict,
             level=args.png_level,
             mask=args.mask_video,
+            draw=with_axes if args.axes else None,
             report=report,
             **options,
         )

@@ -31,6 +31,7 @@ from ipm_rs.cli.arguments import (
     value,
 )
 from ipm_rs.cli.printing import Progress, emit, error_line, no_progress, progress_bar
+from ipm_rs.cli.stream import with_axes
 from ipm_rs.errors import ArgumentError, FileError, ImageError, IpmError
 from ipm_rs.files import images
 from ipm_rs.streams import folder
@@ -70,6 +71,7 @@ output decides its format: """
   ipm-rs warp camera.json run.mcap --topic /front/image_raw -o bev.mp4
   ipm-rs warp 2011_09_26_drive_0001_sync/ 2011_09_26_drive_0001_sync/ -o bevs/ --ground -1.73
   ipm-rs warp camera.json drive.mp4 -o bev.mp4 --poses pitch.csv --mask-video seen.mp4
+  ipm-rs warp camera.json frame.png -o bev.png --resolution 0.1 --axes
   ipm-rs warp calib/000114.txt 000114.png -o bev.png --image-size 1242 375 --ground -1.73
   ipm-rs warp v1.0-mini/calibrated_sensor.json front.jpg -o bev.png --camera CAM_FRONT
   ipm-rs warp camera.json frame.png -o bev.png --resolution 0.1 --interpolation area
@@ -123,6 +125,11 @@ output decides its format: """
         metavar="CSV",
         help="how the camera stood at each frame: name, frame or timestamp, then pitch_deg, roll_deg, yaw_deg, x, y, "
         "z, or vehicle_pitch_deg, vehicle_roll_deg, vehicle_z on top of the calibration; each frame has its own table",
+    )
+    running.add_argument(
+        "--axes",
+        action="store_true",
+        help="draw axes in metres around each view, and hatch what the camera does not see",
     )
     running.add_argument("--jobs", metavar="N", type=count, help="frames at a time (default: the CPUs there are)")
     running.add_argument("--every", metavar="N", type=count, default=1, help="only every so many-th frame")
@@ -203,6 +210,8 @@ def run(args: argparse.Namespace) -> None:
         bev = table.warp(pixels, **options)
         milliseconds = 1e3 * (perf_counter() - start)
         output.parent.mkdir(parents=True, exist_ok=True)
+        if args.axes:
+            bev, look = with_axes(bev, table), images.Look("RGB")
         images.write(output, bev, look, level=args.png_level)
         return milliseconds
 
@@ -277,7 +286,11 @@ def _outputs(args: argparse.Namespace, headers: list[images.Header]) -> list[Pat
 def _check_outputs(outputs: list[Path], headers: list[images.Header], args: argparse.Namespace) -> None:
     """Refuse outputs that cannot hold the pixels, exist, coincide, or are inputs."""
     sources = [Path(args.calibration), *(header.path for header in headers)]
-    contents = [(output, header.mode, str(header.path)) for output, header in zip(outputs, headers, strict=True)]
+    labels = next((header.path for header in headers if args.axes and header.mode in ("P", "1")), None)
+    if labels is not None:
+        raise ArgumentError(f"--axes: expected grey or colour images, got labels in {labels}; leave it out")
+    modes = ["RGB" if args.axes else header.mode for header in headers]
+    contents = [(output, mode, str(header.path)) for output, mode, header in zip(outputs, modes, headers, strict=True)]
     if args.mask is not None:
         contents.append((args.mask, "L", "the mask"))
         if args.mask.suffix.lower() in (".jpg", ".jpeg"):
