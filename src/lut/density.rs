@@ -87,8 +87,20 @@ pub(crate) struct Resolution<'a> {
     isa: Isa,
     table: &'a Table,
     near: [Coordinates; 3],
+    known: [Known; 3],
     sides: Sides,
 }
+
+/// Which columns of which row, counted from the one above the first, a [`Coordinates`] holds.
+#[derive(Debug, Clone, Default)]
+struct Known {
+    row: usize,
+    columns: Vec<Range<usize>>,
+}
+
+/// So many columns more are read at either side: what two cameras see of a row moves by a column or two from row to row, so
+/// each row is read once instead of three times.
+const BESIDE: usize = 16;
 
 impl<'a> Resolution<'a> {
     /// # Errors
@@ -98,16 +110,31 @@ impl<'a> Resolution<'a> {
         check_sides(lut.source_size())?;
         let table = &lut.table;
         let near = [Coordinates::none(table)?, Coordinates::none(table)?, Coordinates::none(table)?];
-        Ok(Self { isa: Isa::active()?, table, near, sides: Sides::new(table.columns())? })
+        let known = [const { Known { row: usize::MAX, columns: Vec::new() } }; 3];
+        Ok(Self { isa: Isa::active()?, table, near, known, sides: Sides::new(table.columns())? })
     }
 
     /// Writes that of the cells of these columns; of cells without an image anything at all.
-    pub(crate) fn read(&mut self, row: usize, columns: Range<usize>, resolution: &mut [f32]) {
-        for (near, row) in self.near.iter_mut().zip([row.checked_sub(1), Some(row), Some(row + 1)]) {
-            near.read_columns(self.isa, self.table, row, &columns);
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`](crate::Error::OutOfMemory).
+    pub(crate) fn read(&mut self, row: usize, columns: Range<usize>, resolution: &mut [f32]) -> Result<()> {
+        for above in row..row + 3 {
+            let (near, known) = (&mut self.near[above % 3], &mut self.known[above % 3]);
+            if known.row != above {
+                known.row = above;
+                known.columns.clear();
+            }
+            if !known.columns.iter().any(|known| known.start <= columns.start && columns.end <= known.end) {
+                let columns = columns.start.saturating_sub(BESIDE)..(columns.end + BESIDE).min(self.table.columns());
+                near.read_columns(self.isa, self.table, above.checked_sub(1), &columns);
+                buffer::push("resolution", &mut known.columns, columns)?;
+            }
         }
-        self.sides.read_columns(self.isa, &self.near, columns.clone());
+        let near = [0, 1, 2].map(|after| &self.near[(row + after) % 3]);
+        self.sides.read_columns(self.isa, near, columns.clone());
         smaller_singular_values(self.isa, self.sides.columns(columns), resolution);
+        Ok(())
     }
 }
 

@@ -166,11 +166,11 @@ impl Sides {
     /// Works them out for the middle one of three rows.
     pub(crate) fn read(&mut self, isa: Isa, near: &[Coordinates; 3]) {
         let columns = 0..self.0[0].len();
-        self.read_columns(isa, near, columns);
+        self.read_columns(isa, near.each_ref(), columns);
     }
 
     /// The same for some columns only.
-    pub(crate) fn read_columns(&mut self, isa: Isa, [above, here, below]: &[Coordinates; 3], columns: Range<usize>) {
+    pub(crate) fn read_columns(&mut self, isa: Isa, [above, here, below]: [&Coordinates; 3], columns: Range<usize>) {
         let Self([ax, ay, bx, by]) = self;
         let (above, here, below) = (above.axes(), here.axes(), below.axes());
         for (axis, (along, down)) in [(ax, bx), (ay, by)].into_iter().enumerate() {

@@ -71,8 +71,8 @@ fn shared(seen: [&Region; 2], luts: [&Lut; 2]) -> Result<Vec<(usize, f32)>> {
         sweep.row(columns, seen.iter().map(|seen| seen.row(row)), |cells, seeing| {
             if seeing == 0b11 {
                 let count = cells.len();
-                one.read(row, cells.clone(), &mut of_one[..count]);
-                other.read(row, cells.clone(), &mut of_other[..count]);
+                one.read(row, cells.clone(), &mut of_one[..count])?;
+                other.read(row, cells.clone(), &mut of_other[..count])?;
                 buffer::room_for(WHAT, &mut shared, count)?;
                 let worse = of_one.iter().zip(&of_other).map(|(one, other)| one.min(*other));
                 shared.extend(cells.map(|column| row * columns + column).zip(worse));

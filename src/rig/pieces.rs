@@ -121,18 +121,17 @@ impl Builder {
     pub(super) fn cell(&mut self, column: usize, tables: &[u8], weights: &[u16]) -> Result<()> {
         // of equals the first
         let largest = (0..weights.len()).rev().max_by_key(|&place| weights[place]).unwrap_or(0);
-        let shown = |place: &usize| weights[*place] > 0;
-        let mut order = [0; super::MAX_CAMERAS];
+        let others = (0..weights.len()).filter(|&place| place != largest && weights[place] > 0);
+        let (mut order, mut shown) = ([0; super::MAX_CAMERAS], [0; super::MAX_CAMERAS]);
         let mut count = 0;
-        for place in std::iter::once(largest).chain((0..tables.len()).filter(|&place| place != largest)).filter(shown) {
-            order[count] = tables[place];
+        for place in std::iter::once(largest).filter(|&largest| weights[largest] > 0).chain(others) {
+            (order[count], shown[count]) = (tables[place], weights[place]);
             count += 1;
         }
         self.extend(column..column + 1, &order[..count])?;
         if count > 1 {
-            for (&table, own) in self.tables.iter().zip(&mut self.weights) {
-                let place = tables.binary_search(&table).unwrap_or(0);
-                buffer::push(WHAT, own, weights[place])?;
+            for (own, &weight) in self.weights.iter_mut().zip(&shown[..count]) {
+                buffer::push(WHAT, own, weight)?;
             }
         }
         Ok(())

@@ -5,6 +5,7 @@ use std::ops::Range;
 use super::pieces::{Builder, ONE, Pieces};
 use super::region::{Columns, Region, Sweep, numbers};
 use super::{BlendMode, MAX_CAMERAS, WHAT};
+use crate::cpu::{Isa, for_each_isa};
 use crate::error::Result;
 use crate::grid::BevGrid;
 use crate::lut::{Lut, Resolution};
@@ -13,9 +14,6 @@ use crate::view::buffer;
 
 /// Weights of less than this share are left out: a camera that is hardly seen costs as much as another.
 const LEAST_SHARE: u64 = 64;
-
-/// A view of this weight shows a cell alone if all others that see it have the least, 1.
-const ALONE: u32 = LEAST_SHARE as u32 * MAX_CAMERAS as u32;
 
 /// One camera: its table, the cells that it sees, and its place in the rig.
 pub(super) struct View {
@@ -132,11 +130,11 @@ impl<'a> Contest<'a> {
                 none => none.insert(Resolution::of(&self.views[usize::from(view)].lut)?),
             };
             if nth == 0 {
-                resolution.read(row, cells.clone(), &mut self.best[..count]);
+                resolution.read(row, cells.clone(), &mut self.best[..count])?;
                 self.winner[..count].fill(view);
                 continue;
             }
-            resolution.read(row, cells.clone(), &mut self.other[..count]);
+            resolution.read(row, cells.clone(), &mut self.other[..count])?;
             let cells = self.best.iter_mut().zip(&self.other).zip(&mut self.winner).take(count);
             for ((best, &other), winner) in cells {
                 let wins = other > *best;
@@ -161,7 +159,10 @@ struct Seams<'a> {
     radius: [usize; 2],
     sees: Vec<Vec<u32>>,
     wins: Vec<Vec<u32>>,
+    /// Of each column, how many columns its box has.
+    of_boxes: Vec<u32>,
     sweep: Sweep,
+    isa: Isa,
 }
 
 impl<'a> Seams<'a> {
@@ -170,6 +171,7 @@ impl<'a> Seams<'a> {
             let none = buffer::zeroed(WHAT, shape.1)?;
             buffer::filled(WHAT, count, none)
         };
+        let of_box = |column: usize| ((column + radius[1] + 1).min(shape.1) - column.saturating_sub(radius[1])) as u32;
         Ok(Self {
             views,
             won,
@@ -177,7 +179,9 @@ impl<'a> Seams<'a> {
             radius,
             sees: columns(views.len())?,
             wins: columns(won.map_or(0, <[Region]>::len))?,
+            of_boxes: buffer::collected(WHAT, (0..shape.1).map(of_box))?,
             sweep: Sweep::default(),
+            isa: Isa::active()?,
         })
     }
 
@@ -186,37 +190,37 @@ impl<'a> Seams<'a> {
         let down = self.radius[0];
         for near in row.saturating_sub(down + 1)..(row + down).min(self.shape.0) {
             check_interrupt()?;
-            self.count(near, u32::wrapping_add);
+            self.count(near, 1);
         }
         Ok(())
     }
 
-    /// Adds the cells of a row to the boxes, or takes them out again.
-    fn count(&mut self, row: usize, change: impl Fn(u32, u32) -> u32) {
+    /// Adds the cells of a row to the boxes, or takes them out again: 1 or -1 times.
+    fn count(&mut self, row: usize, times: i32) {
         let across = self.radius[1];
         for (sums, view) in self.sees.iter_mut().zip(self.views) {
             for &cells in view.seen.row(row) {
-                count_near(sums, cells, across, &change);
+                count_near(self.isa, sums, cells, across, times);
             }
         }
         for (sums, won) in self.wins.iter_mut().zip(self.won.unwrap_or_default()) {
             for &cells in won.row(row) {
-                count_near(sums, cells, across, &change);
+                count_near(self.isa, sums, cells, across, times);
             }
         }
     }
 
     /// Adds a row's pieces. Rows follow each other from where the boxes were begun.
     fn row(&mut self, row: usize, builder: &mut Builder) -> Result<()> {
-        let ((rows, columns), [down, across]) = (self.shape, self.radius);
+        let ((rows, columns), [down, _]) = (self.shape, self.radius);
         if row + down < rows {
-            self.count(row + down, u32::wrapping_add);
+            self.count(row + down, 1);
         }
         if row > down {
-            self.count(row - down - 1, u32::wrapping_sub);
+            self.count(row - down - 1, -1);
         }
-        let height = (row + down + 1).min(rows) - row.saturating_sub(down);
-        let Self { views, sees, wins, sweep, .. } = self;
+        let height = ((row + down + 1).min(rows) - row.saturating_sub(down)) as u32;
+        let Self { views, sees, wins, sweep, of_boxes, .. } = self;
         sweep.row(columns, views.iter().map(|view| view.seen.row(row)), |cells, seeing| {
             if seeing.count_ones() < 2 {
                 return builder.alone(cells, numbers(seeing).next());
@@ -229,22 +233,20 @@ impl<'a> Seams<'a> {
             let (mut raw, mut weights) = ([0; MAX_CAMERAS], [0; MAX_CAMERAS]);
             let mut column = cells.start;
             while column < cells.end {
-                let of_box =
-                    |column: usize| height * ((column + across + 1).min(columns) - column.saturating_sub(across));
-                // away from the seams one view has won all of the box
-                let won_by = |view: usize, column: usize| {
-                    let all = of_box(column);
-                    wins[view][column] as usize == all && raw_weight(sees[view][column], all, 1.0) >= ALONE
+                // away from the seams one view has won, and so sees, all of the box
+                let won_by = |view: u8| {
+                    let won = wins.get(usize::from(view)).map_or(&[][..], |wins| &wins[column..cells.end]);
+                    let of_boxes = &of_boxes[column..cells.end];
+                    won.iter().zip(of_boxes).take_while(|&(&won, &of_box)| won == of_box * height).count()
                 };
-                let winner = tables.iter().find(|&&view| !wins.is_empty() && won_by(view.into(), column));
-                if let Some(&view) = winner {
-                    let end = (column + 1..cells.end).find(|&column| !won_by(view.into(), column));
-                    let end = end.unwrap_or(cells.end);
-                    builder.alone(column..end, Some(view))?;
-                    column = end;
+                if let Some((view, count)) =
+                    tables.iter().map(|&view| (view, won_by(view))).find(|&(_, count)| count > 0)
+                {
+                    builder.alone(column..column + count, Some(view))?;
+                    column += count;
                     continue;
                 }
-                let all = of_box(column);
+                let all = of_boxes[column] * height;
                 for (raw, &view) in raw.iter_mut().zip(tables) {
                     let view = usize::from(view);
                     let share = wins.get(view).map_or(1.0, |wins| wins[column] as f32 / all as f32);
@@ -261,28 +263,36 @@ impl<'a> Seams<'a> {
 }
 
 /// The weight of a view in a cell, by how many of the cells of its box are seen and which share of them is won.
-fn raw_weight(seen: u32, of_box: usize, share: f32) -> u32 {
+fn raw_weight(seen: u32, of_box: u32, share: f32) -> u32 {
     // half of the box is seen at a straight edge, all of it half a feather away
     let ramp = (2.0 * (seen as f32 / of_box as f32) - 1.0).max(0.0);
     1 + (ramp * share * (1 << 24) as f32) as u32
 }
 
-/// Changes, for each column, the number of cells of a box by how many of some neighbouring ones of a row are at most
+/// Changes, for each column, the number of cells of a box by so many times the neighbouring ones of a row that are at most
 /// `across` columns away.
-fn count_near(sums: &mut [u32], (first, end): Columns, across: usize, change: impl Fn(u32, u32) -> u32) {
+fn count_near(isa: Isa, sums: &mut [u32], (first, end): Columns, across: usize, times: i32) {
     let (first, end, columns) = (first as usize, end as usize, sums.len());
-    let near = |column: usize| (end.min(column + across + 1) - first.max(column.saturating_sub(across))) as u32;
+    let near = |column: usize| (end.min(column + across + 1) - first.max(column.saturating_sub(across))) as i32;
     // rising, level, falling: where the box has both its ends inside the cells, or both outside
     let (begin, stop) = (first.saturating_sub(across), (end + across).min(columns));
     let (one, other) = (first + across, (end + across).saturating_sub(2 * across));
     let level = one.min(other).clamp(begin, stop)..one.max(other).clamp(begin, stop);
     for column in (begin..level.start).chain(level.end..stop) {
-        sums[column] = change(sums[column], near(column));
+        sums[column] = sums[column].wrapping_add_signed(times * near(column));
     }
     if !level.is_empty() {
-        let count = near(level.start);
-        sums[level].iter_mut().for_each(|sum| *sum = change(*sum, count));
+        let change = times * near(level.start);
+        add(isa, &mut sums[level], change);
     }
+}
+
+fn add(isa: Isa, sums: &mut [u32], change: i32) {
+    #[inline(always)]
+    fn body(sums: &mut [u32], change: i32) {
+        sums.iter_mut().for_each(|sum| *sum = sum.wrapping_add_signed(change));
+    }
+    for_each_isa!(isa, (body, body, body)(sums: &mut [u32], change: i32));
 }
 
 /// Weights of one cell, of sum [`ONE`], in the proportion of others without the smallest; all 0 where they are.
@@ -328,12 +338,12 @@ mod tests {
         for across in [0, 1, 2, 5, 11, 40] {
             for (first, end) in (0..columns).flat_map(|first| (first + 1..=columns).map(move |end| (first, end))) {
                 let mut sums = vec![100; columns as usize];
-                count_near(&mut sums, (first, end), across, u32::wrapping_add);
+                count_near(Isa::Scalar, &mut sums, (first, end), across, 1);
                 for (column, &sum) in sums.iter().enumerate() {
                     let near = (first as usize..end as usize).filter(|&cell| cell.abs_diff(column) <= across).count();
                     assert_eq!(sum, 100 + near as u32, "{first}..{end} by {across} at {column}");
                 }
-                count_near(&mut sums, (first, end), across, u32::wrapping_sub);
+                count_near(Isa::Scalar, &mut sums, (first, end), across, -1);
                 assert_eq!(sums, vec![100; columns as usize]);
             }
         }
