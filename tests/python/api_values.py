@@ -57,7 +57,7 @@ TRAJECTORY = ipm_rs.Trajectory(
 LIFTED = np.array([[0, 0, 0.0], [0, 0, 0.5], [0, 0, 1], [0, 0, 0.2], [0, 0, 1.2]])
 GROUND_POINTS = np.array([[5.0, 1, 0], [6, -1, 0], [9, 2, 0], [12, -2, 0], [8, 0, 0]])
 RIG_LUTS = [ipm_rs.RigLut(RIG, grid, blend=blend) for grid, blend in zip(GRIDS, ("best", "feather"), strict=False)]
-FILES = ("cloud.bin", "cloud.npy", "cloud.ply", "cloud.pcd")
+FILES = ("cloud.bin", "cloud.npy", "cloud.ply", "cloud.pcd", "cloud.las", "cloud.laz")
 
 Arguments = dict[str, Any]
 
@@ -272,12 +272,18 @@ def _on_grid(v: Values) -> tuple[Callable[..., Any], Arguments]:
 
 def _write(v: Values) -> tuple[Callable[..., Any], Arguments]:
     points = v.points()
-    values = {"intensity": v.numbers(len(points), dtype="f4"), "ring": np.arange(len(points), dtype="u2")}
+    values = {
+        "intensity": v.numbers(len(points), low=0, high=1, dtype="f4"),
+        "ring": np.arange(len(points), dtype="u2"),
+    }
+    file = v.rng.choice(FILES)
+    steps = {"scale": 0.001, "offset": (1.0, 2.0, 0.0)} if file.endswith((".las", ".laz")) else {}
     return pointfile.write, {
-        "path": v.folder / f"written-{v.rng.choice(FILES)}",
+        "path": v.folder / f"written-{file}",
         "points": points,
         "values": values,
         "force": True,
+        **steps,
     }
 
 
@@ -589,6 +595,6 @@ def write_files(folder: pathlib.Path) -> None:
     np.savetxt(folder / "poses.txt", TRAJECTORY.poses[:, :3].reshape(-1, 12))
     points = np.random.default_rng(2).uniform(-5, 15, (50, 3)).astype("f4")
     for name in FILES:
-        pointfile.write(folder / name, points, {"intensity": points[:, 0]})
+        pointfile.write(folder / name, points, {"intensity": (points[:, 0] + 5) / 20})
     for name, sample in SAMPLES.items():
         sample.write(folder / name)

@@ -1,4 +1,4 @@
-"""Damaged point files: six kinds, mutated at random, are read right or refused, in no time and in no memory.
+"""Damaged point files: eight kinds, mutated at random, are read right or refused, in no time and in no memory.
 
 ``python tests/python/point_mutations.py 100000`` for a long run; `test_pointfile_damage` makes a short one.
 """
@@ -9,6 +9,7 @@ import sys
 import time
 import tracemalloc
 from collections import Counter
+from importlib.util import find_spec
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -33,6 +34,9 @@ def samples(folder: Path) -> dict[str, bytes]:
     }
     for name in ("a.ply", "a.npy", "a.pcd"):
         pointfile.write(folder / name, points, values)
+    if find_spec("laspy") is not None:
+        for name in ("a.las", "a.laz"):
+            pointfile.write(folder / name, points, values)
     pointfile.write(folder / "a.bin", points, {"intensity": values["intensity"]})
     rows = [
         f"{x} {y} {z} {i} {n}"

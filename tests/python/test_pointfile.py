@@ -189,8 +189,8 @@ def test_mistakes_in_reading(tmp_path):
     (tmp_path / "folder.ply").mkdir()
     with refuses(errors.FileError, "a directory"):
         pointfile.read(tmp_path / "folder.ply")
-    for name in ("cloud.las", "cloud"):
-        with refuses(errors.ArgumentError, ".bin, .npy, .pcd, .ply"):
+    for name in ("cloud.e57", "cloud"):
+        with refuses(errors.ArgumentError, ".bin, .las, .laz, .npy, .pcd, .ply"):
             pointfile.read(tmp_path / name)
     with refuses(errors.ArgumentError, "columns", '"x", "y" and "z"'):
         pointfile.read(tmp_path / "a.bin", columns=("x", "y"))

@@ -1,4 +1,4 @@
-"""Point cloud files: KITTI and nuScenes ``.bin``, ``.npy``, PLY and PCD.
+"""Point cloud files: KITTI and nuScenes ``.bin``, ``.npy``, PLY, PCD, LAS and LAZ.
 
     cloud = pointfile.read("000114.bin")
     layers = ipm_rs.rasterize(cloud.points, grid, cloud.values["intensity"])
@@ -13,6 +13,8 @@ ending    read                                                         written
 .ply      ascii and binary, the scalars of its vertices                binary, little-endian
 .pcd      ascii, binary and binary_compressed, with pypcd4 (extra      binary
           ``cloud``)
+.las,     every dimension of a point, with laspy (extra ``cloud``)     LAS 1.4, with ``scale=`` and ``offset=``
+.laz
 ========  ===========================================================  ==============================================
 
 Nothing is allocated that the size of the file does not bear out, and a file is written whole or not at all. Frames and
@@ -24,6 +26,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -37,10 +40,12 @@ from ipm_rs.files.atomic import as_path, atomically, check_source, check_target,
 
 __all__ = ["FORMATS", "Cloud", "check_name", "read", "write"]
 
-FORMATS = (".bin", ".npy", ".pcd", ".ply")
+FORMATS = (".bin", ".las", ".laz", ".npy", ".pcd", ".ply")
 """Endings of the files that are read and written."""
 
 COLOURS = ("red", "green", "blue")
+
+_LAS = (".las", ".laz")
 
 
 @dataclass(frozen=True)
@@ -53,10 +58,15 @@ class Cloud:
         x, y, z.
     values : dict of str to ndarray, shape (N,)
         Everything else, by name: "intensity", "ring", "red", "green", "blue", ...
+    scale, offset : ndarray, shape (3,), float64, or None
+        Of a LAS or LAZ file: its coordinates are whole steps of `scale` from `offset`. `write` with both gives back the
+        same whole numbers.
     """
 
     points: NDArray[Any]
     values: dict[str, NDArray[Any]] = field(default_factory=dict)
+    scale: NDArray[np.float64] | None = None
+    offset: NDArray[np.float64] | None = None
 
 
 def read(path: str | PathLike[str], *, columns: Sequence[str] | None = None) -> Cloud:
@@ -83,33 +93,44 @@ def read(path: str | PathLike[str], *, columns: Sequence[str] | None = None) -> 
     ArgumentError
         The ending or the columns make no sense.
     MissingExtraError
-        A PCD file, and pypcd4 is not installed.
+        A PCD file, and pypcd4 is not installed; a LAS or LAZ file, and laspy is not.
     """
-    from ipm_rs.pointfile import pcd, ply, rows
+    from ipm_rs.pointfile import las, pcd, ply, rows
 
     path = as_path(path)
     ending = check_name(path)
     if columns is not None:
         columns = _columns(columns)
-        if ending in (".ply", ".pcd"):
+        if ending not in (".bin", ".npy"):
             raise ArgumentError(f"columns: expected none for {ending}, which names its own, got {columns}")
     check_source(path, "a point cloud")
+    scale = offset = None
     with reading(path, "a point cloud"):
         if ending == ".bin":
             table = rows.read_bin(path, columns)
         elif ending == ".npy":
             table = rows.read_npy(path, columns)
+        elif ending in _LAS:
+            table, scale, offset = las.read(path)
         else:
             table = (ply if ending == ".ply" else pcd).read(path)
-    return _cloud(path, table)
+    return _cloud(path, table, scale, offset)
 
 
 def write(
-    path: str | PathLike[str], points: ArrayLike, values: Mapping[str, ArrayLike] | None = None, *, force: bool = False
+    path: str | PathLike[str],
+    points: ArrayLike,
+    values: Mapping[str, ArrayLike] | None = None,
+    *,
+    scale: ArrayLike | None = None,
+    offset: ArrayLike | None = None,
+    force: bool = False,
 ) -> None:
     """Write a point cloud file, whole or not at all; its ending decides the format.
 
-    Viewers know the values "red", "green", "blue" (uint8) and "intensity". Points that are NaN are written as they are.
+    Viewers know the values "red", "green", "blue" (uint8) and "intensity". Points that are NaN are written as they are;
+    LAS has none, and refuses them. There colours and intensity have 16 bits: uint8 colours are spread over them (255 is
+    65535), an intensity of floats from 0 to 1 too, and other names become extra dimensions.
 
     Parameters
     ----------
@@ -119,6 +140,9 @@ def write(
         x, y, z; other real dtypes are written as float64.
     values : mapping of str to array_like, shape (N,), optional
         What the points carry: bool, integers up to 32 bits, float32 or float64, under names without spaces.
+    scale, offset : float or (3,) array_like, optional
+        For LAS and LAZ: the step of the coordinates, and where they count from. Without them 0.001 and 0, or the whole
+        metres of the least coordinate where the earth's are too far from 0.
     force : bool
         Replace an existing file.
 
@@ -129,15 +153,22 @@ def write(
     ArgumentError, ArgumentTypeError
         Shapes, dtypes or names that do not fit.
     """
-    from ipm_rs.pointfile import pcd, ply, rows
+    from ipm_rs.pointfile import las, pcd, ply, rows
 
     path = as_path(path)
     ending = check_name(path)
     table = _table(points, {} if values is None else values)
+    steps, start = _triple("scale", scale, ending), _triple("offset", offset, ending)
+    if steps is not None and not (steps > 0).all():
+        raise ArgumentError(f"scale: expected positive numbers, got {steps}; 0.001 is a millimetre")
     check_target(path)
     if not flag_of("force", force) and os.path.lexists(path):
         raise FileError(f"{path}: expected a new file, got one that exists; give another name, or force=True")
     writers: dict[str, Callable[[Any, dict[str, NDArray[Any]]], None]] = {
+        **{
+            name: partial(las.write, scale=steps, offset=start, compress=name == ".laz")  # tables that are theirs
+            for name in _LAS
+        },
         ".bin": rows.write_bin,
         ".npy": rows.write_npy,
         ".pcd": pcd.write,
@@ -156,6 +187,20 @@ def check_name(path: Path) -> str:
     return ending
 
 
+def _triple(name: str, value: ArrayLike | None, ending: str) -> NDArray[np.float64] | None:
+    """Check (3,) finite numbers, or one for all three, which LAS alone has."""
+    if value is None:
+        return None
+    array = array_of(name, value)
+    if ending not in _LAS:
+        raise ArgumentError(f"{name}: expected none for {ending}, which holds numbers as they are, got some; drop it")
+    if array.dtype.kind not in "fiu" or array.shape not in ((), (3,)) or not np.isfinite(array).all():
+        raise ArgumentError(
+            f"{name}: expected a finite number or three, got {array.dtype} of shape {array.shape}; pass x, y and z"
+        )
+    return np.broadcast_to(array.astype(np.float64), (3,)).copy()
+
+
 def _columns(columns: Sequence[str]) -> list[str]:
     if isinstance(columns, (str, bytes)) or not isinstance(columns, Iterable):
         raise ArgumentTypeError(
@@ -169,7 +214,12 @@ def _columns(columns: Sequence[str]) -> list[str]:
     return names
 
 
-def _cloud(path: Path, table: dict[str, NDArray[Any]]) -> Cloud:
+def _cloud(
+    path: Path,
+    table: dict[str, NDArray[Any]],
+    scale: NDArray[np.float64] | None = None,
+    offset: NDArray[np.float64] | None = None,
+) -> Cloud:
     """Put x, y, z together, and take colours apart that PCL packs into one number."""
     missing = [axis for axis in "xyz" if axis not in table]
     if missing:
@@ -185,7 +235,7 @@ def _cloud(path: Path, table: dict[str, NDArray[Any]]) -> Cloud:
             table |= {
                 colour: (bits >> shift).astype(np.uint8) for colour, shift in zip(COLOURS, (16, 8, 0), strict=True)
             }
-    return Cloud(points, table)
+    return Cloud(points, table, scale, offset)
 
 
 def _table(points: ArrayLike, values: Mapping[str, ArrayLike]) -> dict[str, NDArray[Any]]:
