@@ -71,6 +71,7 @@ from ipm_rs.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from ipm_rs import draw, pointfile, reference, refine, streams
+    from ipm_rs import ray as ray
 
 __all__ = [
     "ArgumentError",
@@ -137,7 +138,8 @@ __all__ = [
 
 
 def __getattr__(name: str) -> object:
-    if name in ("draw", "pointfile", "reference", "refine", "streams"):  # when asked for: few programs need them
+    # When they are asked for: few programs need them. `ray` is not in __all__, for it would hide Ray's own name.
+    if name in ("draw", "pointfile", "ray", "reference", "refine", "streams"):
         return importlib.import_module(f"ipm_rs.{name}")
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 

@@ -14,7 +14,7 @@ import numpy as np
 
 import ipm_rs
 from ipm_rs import calibration, streams
-from ipm_rs.cli import stream
+from ipm_rs.cli import cluster, stream
 from ipm_rs.cli.arguments import (
     Commands,
     add_camera,
@@ -72,6 +72,7 @@ output decides its format: """
   ipm-rs warp 2011_09_26_drive_0001_sync/ 2011_09_26_drive_0001_sync/ -o bevs/ --ground -1.73
   ipm-rs warp camera.json drive.mp4 -o bev.mp4 --poses pitch.csv --mask-video seen.mp4
   ipm-rs warp camera.json frame.png -o bev.png --resolution 0.1 --axes
+  ipm-rs warp camera.json s3://bucket/frames -o s3://bucket/bevs --ray auto
   ipm-rs warp calib/000114.txt 000114.png -o bev.png --image-size 1242 375 --ground -1.73
   ipm-rs warp v1.0-mini/calibrated_sensor.json front.jpg -o bev.png --camera CAM_FRONT
   ipm-rs warp camera.json frame.png -o bev.png --resolution 0.1 --interpolation area
@@ -79,13 +80,7 @@ output decides its format: """
     )
     add = warp.add_argument
     add("calibration", metavar="CALIBRATION", help="camera calibration, a file or directory of a format named above")
-    add(
-        "images",
-        metavar="IMAGE",
-        nargs="+",
-        type=Path,
-        help="images of the calibration's size, a folder, a video, a bag",
-    )
+    add("images", metavar="IMAGE", nargs="+", help="images of the calibration's size, a folder, a video, a bag")
     add(
         "-o",
         "--output",
@@ -132,6 +127,15 @@ output decides its format: """
         help="draw axes in metres around each view, and hatch what the camera does not see",
     )
     running.add_argument("--jobs", metavar="N", type=count, help="frames at a time (default: the CPUs there are)")
+    running.add_argument(
+        "--ray",
+        metavar="ADDRESS",
+        nargs="?",
+        const="",
+        help="on a Ray cluster: --jobs workers take the images in partitions, and the same command after a stop goes "
+        "on; IMAGE and OUT may be URIs (s3://...). ADDRESS is the cluster's, or auto; without one, what RAY_ADDRESS "
+        "says, or the CPUs there are",
+    )
     running.add_argument("--every", metavar="N", type=count, default=1, help="only every so many-th frame")
     running.add_argument("--start", metavar="S", type=real, help="seconds from the first frame to begin at")
     running.add_argument("--end", metavar="S", type=real, help="seconds from the first frame to end before")
@@ -170,6 +174,13 @@ def run(args: argparse.Namespace) -> None:
         "border_value": args.border_value[0] if len(args.border_value) == 1 else tuple(args.border_value),
         "threads": args.threads,
     }
+    if args.ray is not None:
+        cluster.run(args, grid, options)
+        return
+    far = next((name for name in args.images if "://" in name), None)
+    if far is not None:
+        raise ArgumentError(f"{far}: expected files of this machine, got a URI; give --ray, which reads it")
+    args.images = [Path(name) for name in args.images]
     if stream.concerns(args):
         stream.run(args, grid, options)
         return

@@ -27,7 +27,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 
@@ -123,20 +123,13 @@ def read(path: Path) -> tuple[NDArray[Any], Look]:
     Raises as :func:`probe` does, and FileError when the file is cut short or damaged.
     """
     with _opened(path) as image:
-        mode = _header(path, image).mode
-        image.load()
-        pixels: NDArray[Any] = np.asarray(image).astype(MODES[mode][0], copy=False)
-        if mode != "P":
-            return pixels, Look(mode)
-        return pixels, Look(mode, tuple(image.getpalette("RGB") or ()), image.info.get("transparency"))
+        return _pixels(path, image)
 
 
-def decode(data: bytes, origin: str) -> NDArray[Any]:
+def decode(data: bytes, origin: str) -> tuple[NDArray[Any], Look]:
     """Decode an image that is in memory; raises as :func:`read` does, with `origin` in the place of the path."""
-    with _opened(Path(origin), data) as image:
-        mode = _header(Path(origin), image).mode
-        image.load()
-        return np.asarray(image).astype(MODES[mode][0], copy=False)
+    with _opened(origin, data) as image:
+        return _pixels(origin, image)
 
 
 def check_format(path: Path, mode: str, what: str) -> None:
@@ -163,8 +156,31 @@ def write(path: Path, pixels: NDArray[Any], look: Look, level: int = 1) -> None:
     FileError
         The file cannot be written.
     """
-    Image = require_pillow()
-    image = Image.fromarray(pixels)
+    with atomically(path) as file:
+        _save(file, path.suffix, pixels, look, level)
+
+
+def encode(ending: str, pixels: NDArray[Any], look: Look, level: int = 1) -> bytes:
+    """Return the bytes of the file with that ending that :func:`write` would write.
+
+    Raises
+    ------
+    ImageError
+        The format does not hold such pixels.
+    """
+    file = io.BytesIO()
+    try:
+        _save(file, ending, pixels, look, level)
+    except (OSError, ValueError, TypeError, KeyError, SystemError) as error:  # Pillow's, each for another reason
+        raise ImageError(
+            f"expected pixels that {FORMATS[ending][0]} holds, got {pixels.dtype} of shape {pixels.shape}: {error}; "
+            "choose another format"
+        ) from error
+    return file.getvalue()
+
+
+def _save(file: BinaryIO, ending: str, pixels: NDArray[Any], look: Look, level: int) -> None:
+    image = require_pillow().fromarray(pixels)
     options: dict[str, Any] = {"quality": 95} if image.mode in ("L", "RGB") else {}  # for JPEG, the others ignore it
     if look.mode == "P":
         # An entry for every index: Pillow chooses the bits by the palette's length, and would cut off the indices
@@ -174,18 +190,26 @@ def write(path: Path, pixels: NDArray[Any], look: Look, level: int = 1) -> None:
         options = {}
         if look.transparency is not None:
             options["transparency"] = look.transparency
-    if path.suffix.lower() == ".png":
+    if ending.lower() == ".png":
         options["compress_level"] = level
-    with atomically(path) as file:
-        image.save(file, FORMATS[path.suffix.lower()][0], **options)
+    image.save(file, FORMATS[ending.lower()][0], **options)
+
+
+def _pixels(name: Path | str, image: ImageFile) -> tuple[NDArray[Any], Look]:
+    mode = _header(name, image).mode
+    image.load()
+    pixels: NDArray[Any] = np.asarray(image).astype(MODES[mode][0], copy=False)
+    if mode != "P":
+        return pixels, Look(mode)
+    return pixels, Look(mode, tuple(image.getpalette("RGB") or ()), image.info.get("transparency"))
 
 
 @contextmanager
-def _opened(path: Path, data: bytes | None = None) -> Iterator[ImageFile]:
+def _opened(path: Path | str, data: bytes | None = None) -> Iterator[ImageFile]:
     """Open an image file, or its bytes, with Pillow; whatever goes wrong in the block becomes one of our errors."""
     Image = require_pillow()
     if data is None:
-        check_source(path, "an image file", "name the images one by one")
+        check_source(Path(path), "an image file", "name the images one by one")
     with reading(path, "a readable image"), warnings.catch_warnings():
         # Pillow warns of large images and of broken metadata. Here the size must equal the calibration's before
         # anything is decoded, and of the metadata only the orientation is looked at.
@@ -196,12 +220,12 @@ def _opened(path: Path, data: bytes | None = None) -> Iterator[ImageFile]:
         except Image.DecompressionBombError as error:
             raise FileError(f"{path}: expected a camera image, got a file that claims to be huge: {error}") from error
         except Image.UnidentifiedImageError as error:
-            empty = path.stat().st_size == 0 if data is None else not data
-            kind = "an empty file" if empty else "a file that Pillow does not recognise"
+            size = Path(path).stat().st_size if data is None else len(data)
+            kind = "an empty file" if size == 0 else "a file that Pillow does not recognise"
             raise FileError(f"{path}: expected an image, got {kind}; fetch it again, or convert it to PNG") from error
 
 
-def _header(path: Path, image: ImageFile) -> Header:
+def _header(path: Path | str, image: ImageFile) -> Header:
     mode = image.mode
     if mode.startswith("I;16") or (mode == "I" and image.format == "PNG"):  # older Pillow opens 16-bit PNG as "I"
         mode = "I;16"
@@ -218,7 +242,7 @@ def _header(path: Path, image: ImageFile) -> Header:
             f"{path}: expected pixels as the sensor saw them, got a TIFF with orientation {orientation}, which Pillow "
             "would apply; remove the tag"
         )
-    return Header(path, image.size, mode, orientation, getattr(image, "n_frames", 1))
+    return Header(Path(path), image.size, mode, orientation, getattr(image, "n_frames", 1))
 
 
 def _or(words: Iterable[str]) -> str:

@@ -218,7 +218,7 @@ class _Source:
             raise ImageError(
                 f"{origin}: expected JPEG or PNG, got compressedDepth; record the topic without compression"
             )
-        return images.decode(bytes(message.data), origin)
+        return images.decode(bytes(message.data), origin)[0]
 
     def camera_of(self, reader: Any, topic: str | None, tree: Transforms, first: Any) -> Camera | None:
         """Return the calibration beside the topic, posed by tf; None where there is none."""

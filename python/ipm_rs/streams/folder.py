@@ -21,13 +21,13 @@ from ipm_rs.streams._frame import Frame, Stream, Ticket
 __all__ = ["TITLE", "paths_of", "read", "recognises"]
 
 TITLE = "a folder, a pattern or a .txt list of images"
-_ENDINGS = {*images.FORMATS, ".webp", ".ppm", ".pgm", ".pnm", ".jp2"}
+ENDINGS = {*images.FORMATS, ".webp", ".ppm", ".pgm", ".pnm", ".jp2"}
 
 
 def recognises(path: str) -> bool:
     """Say whether a path is a folder, a pattern, a list or one image."""
     place = Path(path)
-    return place.is_dir() or place.suffix.lower() in {".txt", *_ENDINGS} or (has_magic(path) and not place.exists())
+    return place.is_dir() or place.suffix.lower() in {".txt", *ENDINGS} or (has_magic(path) and not place.exists())
 
 
 def is_several(path: str) -> bool:
@@ -53,20 +53,20 @@ def paths_of(path: str) -> list[Path]:
     """Return the images of a folder, a pattern or a list, in order; raises as `read` does."""
     place = Path(path)
     if place.is_dir():
-        found = [entry for entry in place.iterdir() if entry.suffix.lower() in _ENDINGS and entry.name[0] != "."]
+        found = [entry for entry in place.iterdir() if entry.suffix.lower() in ENDINGS and entry.name[0] != "."]
         if not found:
             raise FileError(
-                f"{path}: expected a directory with images ({', '.join(sorted(_ENDINGS))}), found none in it"
+                f"{path}: expected a directory with images ({', '.join(sorted(ENDINGS))}), found none in it"
             )
-        return sorted(found, key=_order)
-    if place.suffix.lower() in _ENDINGS and place.exists():
+        return sorted(found, key=order)
+    if place.suffix.lower() in ENDINGS and place.exists():
         return [place]
     if has_magic(path) and not place.exists():
         # Path.glob, which the linter asks for, takes no absolute pattern and finds hidden files
         found = [Path(name) for name in glob(path, recursive=True)]  # noqa: PTH207
         if not found:
             raise MissingFileError(f"{path}: expected images that fit the pattern, found none; check it")
-        return sorted(found, key=_order)
+        return sorted(found, key=order)
     check_source(place, "a folder, a pattern or a list of images")
     with reading(place, "a list of images, a path in each line"):
         lines = [line.strip() for line in place.read_text(encoding="utf-8").splitlines()]
@@ -76,7 +76,7 @@ def paths_of(path: str) -> list[Path]:
     return found
 
 
-def _order(path: Path) -> list[tuple[int, str]]:
+def order(path: Path | str) -> list[tuple[int, str]]:
     """Return what numbers in names are sorted by their value with."""
     words = re.split(r"(\d+)", str(path))
     return [(int(word), word) if word.isdecimal() else (-1, word) for word in words]
