@@ -361,6 +361,14 @@ RECIPES: dict[str, Callable[[Values], tuple[Callable[..., Any], Arguments]]] = {
     "streams.open": _streams_open,
     "streams.warp": _streams_warp,
     "streams.recognise": lambda v: (streams.recognise, {"path": v.folder / v.rng.choice(["frames", "a.mkv", "a.bag"])}),
+    "streams.together": lambda v: (
+        lambda **options: list(streams.together(**options)),
+        {
+            "streams": {name: streams.open(v.folder / name) for name in ("a.mkv", "a.bag")},
+            "tolerance": 0.5,
+            "partial": v.rng.choice([True, False]),
+        },
+    ),
     "streams.per_frame": lambda v: (
         streams.per_frame,
         {"camera": CAMERAS[0], "grid": GRIDS[0], "path": v.folder / "pitch.csv", "ground": 0.0, "max_gap": 1.0},

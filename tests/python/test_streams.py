@@ -211,6 +211,13 @@ def test_a_folder_that_vanishes_stops_the_run(folder, tmp_path):
         streams.warp(streams.open(folder), removing, tmp_path / "out", jobs=1)
 
 
+def test_names_that_no_output_can_have(folder, tmp_path):
+    (tmp_path / "file").write_text("")
+    for name in ("x" * 300, "file", "file/below"):
+        with refuses(errors.FileError, name[:20], "expected to write"):
+            streams.warp(streams.open(folder), LUT, tmp_path / name)
+
+
 def test_results_are_in_order_and_bounded():
     under_way, most, lock = 0, 0, threading.Lock()
 

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import ipm_rs
+from ipm_rs.cli import rig_stream
 from ipm_rs.cli.arguments import (
     Commands,
     add_grid,
@@ -47,16 +48,22 @@ several cameras: nuScenes, Argoverse 2, Waymo, KITTI, a Kalibr chain, a director
 Each cell shows the camera that resolves it best, mixed along seams.
 
 Give an image for each camera, or a directory of images: then the first files of all make the first view, and so on, in
-the order of their names. An image that cannot be read is left out with --missing, else its view is.""",
+the order of their names. An image that cannot be read is left out with --missing, else its view is.
+
+Or give each camera a video, a topic of a bag (run.mcap:/front/image_raw), a folder or a drive, and a folder or a video
+(.mp4 .mov .mkv .webm .avi) for the views: each frame of the first camera makes one, with the pictures of the others
+that are nearest in time.""",
         examples="""\
   ipm-rs rig rig.json front=f.png left=l.png back=b.png right=r.png -o bev.png
   ipm-rs rig rig.json front=f.png left=l.png back=b.png right=r.png -o bev.png --exclude -1 3.8 -0.95 0.95 --gains
   ipm-rs rig log/ ring_front_center=front/ ring_front_left=left/ -o bevs/ --ground -0.33 --missing next
+  ipm-rs rig rig.json front=front.mp4 left=left.mp4 back=back.mp4 right=right.mp4 -o bev.mp4
+  ipm-rs rig rig.json front=run.mcap:/front/image_raw left=run.mcap:/left/image_raw -o bev.mp4 --missing border
   ipm-rs rig rig.json front=labels_f.png left=labels_l.png -o bev.png --interpolation mode""",
     )
     rig.add_argument("rig", metavar="RIG", help="calibration of all cameras, a file or a directory")
     rig.add_argument(
-        "images", metavar="NAME=IMAGE", nargs="+", help="the image of each camera, or the directory of its images"
+        "images", metavar="NAME=IMAGE", nargs="+", help="the image of each camera, or its directory, video or topic"
     )
     rig.add_argument(
         "-o",
@@ -64,7 +71,7 @@ the order of their names. An image that cannot be read is left out with --missin
         metavar="OUT",
         required=True,
         type=Path,
-        help="a file; a directory where images are directories",
+        help="a file; a directory where images are directories; a video",
     )
     grid = add_grid(rig, "where a cell is sampled", x=(-10.0, 10.0))
     add_ground(grid)
@@ -120,6 +127,16 @@ the order of their names. An image that cannot be read is left out with --missin
     running.add_argument(
         "--source", metavar="PATH", type=Path, help="also write which camera shows each cell, a colour for each"
     )
+    running.add_argument("--jobs", metavar="N", type=count, help="frames at a time (default: the CPUs there are)")
+    running.add_argument("--every", metavar="N", type=count, default=1, help="only every so many-th frame of streams")
+    running.add_argument("--start", metavar="S", type=real, help="seconds from the first frame of streams to begin at")
+    running.add_argument("--end", metavar="S", type=real, help="seconds from the first frame of streams to end before")
+    running.add_argument(
+        "--tolerance",
+        metavar="S",
+        type=real,
+        help="seconds that pictures of one moment may lie apart (default: half of what those of the first camera do)",
+    )
     running.add_argument("--threads", metavar="N", type=count, help="threads of a warp (default: the CPUs there are)")
     running.add_argument("--force", action="store_true", help="replace existing outputs")
     running.add_argument("--quiet", action="store_true", help="print nothing but warnings and errors")
@@ -131,8 +148,9 @@ def run(args: argparse.Namespace) -> None:
     rig = load_rig(args, args.image_size)
     grid = ipm_rs.BevGrid(x=args.x, y=args.y, resolution=resolution(args.resolution), sample_at=args.sample_at)
     sources = _sources(args.images, rig)
-    views = _views(sources, rig, args)
-    outputs = _outputs(views, args)
+    streamed = rig_stream.concerns(sources, args)
+    views = [] if streamed else _views(sources, rig, args)
+    outputs = [] if streamed else _outputs(views, args)
     lut = ipm_rs.RigLut(
         rig,
         grid,
@@ -147,6 +165,10 @@ def run(args: argparse.Namespace) -> None:
         "threads": args.threads,
         "missing": args.missing,
     }
+    if streamed:
+        rig_stream.run(args, lut, sources, options)
+        _write_maps(lut, args)
+        return
     show_progress = len(views) > 1 and not args.quiet and sys.stderr.isatty()
     progress: Progress = progress_bar("view") if show_progress else no_progress
     gains: dict[str, NDArray[np.float32]] | None = None

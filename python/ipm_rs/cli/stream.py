@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import os
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -14,14 +13,11 @@ from numpy.typing import NDArray
 import ipm_rs
 from ipm_rs import draw, streams
 from ipm_rs.cli.arguments import check_output, load_camera_sized
-from ipm_rs.cli.printing import emit, error_line, no_progress, progress_bar
-from ipm_rs.errors import ArgumentError, CalibrationError, FileError, ImageError, IpmError
+from ipm_rs.cli.frames import check_destination, conclude, warped
+from ipm_rs.errors import ArgumentError, CalibrationError, FileError, ImageError
 from ipm_rs.files import images
 from ipm_rs.streams import folder
 from ipm_rs.streams.sinks import VIDEO_CODECS
-
-_TOLD = 5
-"""So many errors of frames are printed; the summary counts the others."""
 
 
 def concerns(args: argparse.Namespace) -> bool:
@@ -89,16 +85,7 @@ def run(args: argparse.Namespace, grid: ipm_rs.BevGrid, options: dict[str, Any])
             f"{stream.size[0]}x{stream.size[1]}; if it was made for these, give --image-size {stream.size[0]} "
             f"{stream.size[1]}"
         )
-    to_video = output.suffix.lower() in VIDEO_CODECS
-    if to_video:
-        if not args.skip_existing:
-            check_output(output, may_exist=args.force)
-        if output.exists() and Path(source).exists() and output.samefile(source):
-            raise ArgumentError(f"{output}: expected an output, got the input; give another name, also with --force")
-    elif output.exists() and not output.is_dir():
-        raise ArgumentError(f"-o: expected a folder or a video, got {output}, which is a file; give another name")
-    elif output.is_dir() and any(output.iterdir()) and not (args.force or args.skip_existing):
-        raise FileError(f"{output}: expected an empty folder, got files; give --skip-existing, --force or another name")
+    check_destination(output, [source], force=args.force, skip_existing=args.skip_existing)
     if args.mask is not None:
         images.check_format(args.mask, "L", "the mask")
         check_output(args.mask, may_exist=args.force)
@@ -111,62 +98,19 @@ def run(args: argparse.Namespace, grid: ipm_rs.BevGrid, options: dict[str, Any])
             raise ArgumentError(f"{output}: expected a name of its own for --mask-video, got the output's; rename one")
     lut = ipm_rs.Lut(camera, grid, ground=args.ground)
     tables = lut if args.poses is None else streams.per_frame(camera, grid, args.poses, ground=args.ground)
-    summary = _warp(args, stream, tables, output, options)
+    summary = warped(
+        stream,
+        tables,
+        output,
+        quiet=args.quiet,
+        jobs=args.jobs,
+        skip_existing=args.skip_existing,
+        strict=args.strict,
+        level=args.png_level,
+        mask=args.mask_video,
+        draw=with_axes if args.axes else None,
+        **options,
+    )
     if args.mask is not None:
         images.write(args.mask, np.where(lut.mask, np.uint8(255), np.uint8(0)), images.Look("L"))
-    if not args.quiet:
-        skipped = f", {summary.skipped} were there" if summary.skipped else ""
-        rows, cols = lut.shape
-        emit(
-            f"{output}  {cols} x {rows}  {summary.done} frames{skipped}  {100 * lut.mask.mean():.1f} % valid  "
-            f"{summary.seconds:.1f} s, {summary.rate:.1f} frames/s"
-        )
-    if summary.failed:
-        total = summary.done + summary.skipped + len(summary.failed)
-        raise FileError(f"{len(summary.failed)} of {total} frames could not be warped, see above")
-
-
-def _warp(
-    args: argparse.Namespace, stream: streams.Stream, lut: Any, output: Path, options: dict[str, Any]
-) -> streams.Summary:
-    show = not args.quiet and sys.stderr.isatty()
-    told = 0
-    with (progress_bar("frame") if show else no_progress)(_Counted(stream.count)) as (bar, say):
-        steps = iter(bar)
-
-        def report(_: streams.Ticket, error: IpmError | None) -> None:
-            nonlocal told
-            next(steps, None)
-            if error is not None:
-                told += 1
-                if told <= _TOLD:
-                    say(error_line(error), sys.stderr)
-
-        return streams.warp(
-            stream,
-            lut,
-            output,
-            jobs=args.jobs,
-            skip_existing=args.skip_existing,
-            strict=args.strict,
-            level=args.png_level,
-            mask=args.mask_video,
-            draw=with_axes if args.axes else None,
-            report=report,
-            **options,
-        )
-
-
-class _Counted:
-    """Steps of a progress bar, whose number may not be known."""
-
-    def __init__(self, count: int | None) -> None:
-        self.count = count
-
-    def __iter__(self) -> Any:
-        return iter(int, 1)  # endless
-
-    def __len__(self) -> int:
-        if self.count is None:
-            raise TypeError
-        return self.count
+    conclude(output, lut, summary, quiet=args.quiet)

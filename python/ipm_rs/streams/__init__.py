@@ -24,8 +24,9 @@ from ipm_rs.files.atomic import reading
 from ipm_rs.streams._attitudes import per_frame
 from ipm_rs.streams._frame import Frame, Stream, Ticket
 from ipm_rs.streams._pipeline import Summary, warp
+from ipm_rs.streams._together import together
 
-__all__ = ["FORMATS", "Frame", "Stream", "Summary", "Ticket", "open", "per_frame", "recognise", "warp"]
+__all__ = ["FORMATS", "Frame", "Stream", "Summary", "Ticket", "open", "per_frame", "recognise", "together", "warp"]
 
 FORMATS: tuple[str, ...] = (
     "bag",

@@ -22,7 +22,8 @@ class Frame:
     Attributes
     ----------
     image : ndarray
-        (H, W), (H, W, 3) or (H, W, 4), colours in the order red, green, blue.
+        (H, W), (H, W, 3) or (H, W, 4), colours in the order red, green, blue. Of several cameras `together`, a dict of
+        their pictures by name.
     name : str
         Of a file without its ending, or the number of the frame in its video with six digits.
     index : int

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import contextlib
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import CancelledError
 from dataclasses import dataclass, field
 from pathlib import Path
 from time import perf_counter
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,11 +17,21 @@ from numpy.typing import NDArray
 from ipm_rs._arguments import flag_of, path_text
 from ipm_rs._core import Lut
 from ipm_rs.errors import ArgumentError, ArgumentTypeError, FileError, ImageError, IpmError
+from ipm_rs.rig import RigLut
 from ipm_rs.streams._frame import Frame, Stream, Ticket
 from ipm_rs.streams.ordered import cpus, ordered
-from ipm_rs.streams.sinks import Sink, sink_for
+from ipm_rs.streams.sinks import VIDEO_CODECS, Sink, sink_for
 
 __all__ = ["Summary", "warp"]
+
+
+class Table(Protocol):
+    """What makes a view of a frame's image, or of a mapping of images."""
+
+    mask: NDArray[np.bool_]
+
+    def warp(self, image: Any, /, **options: Any) -> NDArray[Any]:
+        """Make the view."""
 
 
 @dataclass
@@ -44,7 +54,7 @@ class Summary:
 
 def warp(
     stream: Stream,
-    lut: Lut | Callable[[Frame], Lut],
+    lut: Lut | RigLut | Callable[[Frame], Table],
     output: str | os.PathLike[str],
     *,
     jobs: int | None = None,
@@ -53,7 +63,7 @@ def warp(
     ending: str | None = None,
     level: int = 1,
     mask: str | os.PathLike[str] | None = None,
-    draw: Callable[[NDArray[Any], Lut], NDArray[Any]] | None = None,
+    draw: Callable[[NDArray[Any], Any], NDArray[Any]] | None = None,
     report: Callable[[Ticket, IpmError | None], None] | None = None,
     **options: Any,
 ) -> Summary:
@@ -67,8 +77,9 @@ def warp(
     ----------
     stream : Stream
         From `open`.
-    lut : Lut, or a function that takes a `Frame` and returns one
-        The table; a function for tables that differ from frame to frame, called on several threads.
+    lut : Lut or RigLut, or a function that takes a `Frame` and returns one
+        The table, a `RigLut` for streams `together`; a function for tables that differ from frame to frame, called on
+        several threads.
     output : path
         A video (``.mp4``, ``.mov``, ``.mkv``, ``.webm``, ``.avi``), else a folder, which is made.
     jobs : int, optional
@@ -104,8 +115,8 @@ def warp(
     """
     if not isinstance(stream, Stream):
         raise ArgumentTypeError(f"stream: expected a Stream, got {type(stream).__name__}; make one with streams.open()")
-    if not isinstance(lut, Lut) and (not callable(lut) or isinstance(lut, type)):
-        raise ArgumentTypeError(f"lut: expected a Lut or a function, got {type(lut).__name__}; build one")
+    if not isinstance(lut, (Lut, RigLut)) and (not callable(lut) or isinstance(lut, type)):
+        raise ArgumentTypeError(f"lut: expected a Lut, a RigLut or a function, got {type(lut).__name__}; build one")
     path = Path(path_text("output", output))
     if ending is not None and not isinstance(ending, str):
         raise ArgumentTypeError(f"ending: expected text, got {type(ending).__name__}; '.png' is one")
@@ -115,23 +126,38 @@ def warp(
         flag_of(name, flag)
     jobs = cpus() if jobs is None else _whole("jobs", jobs, 1, 1000)
     level = _whole("level", level, 0, 9)
-    if skip_existing and path.suffix.lower() in (".mp4", ".mov", ".mkv", ".webm", ".avi") and path.exists():
-        return Summary()  # a video is there only if it is whole
-    sinks = [sink_for(path, rate=stream.rate, ending=ending, level=level)]
+    with _placing(path):
+        if skip_existing and path.suffix.lower() in VIDEO_CODECS and path.exists():
+            return Summary()  # a video is there only if it is whole
+        sinks = [sink_for(path, rate=stream.rate, ending=ending, level=level)]
     if mask is not None:
-        sinks.append(sink_for(Path(path_text("mask", mask)), rate=stream.rate, level=level))
+        place = Path(path_text("mask", mask))
+        with _placing(place):
+            sinks.append(sink_for(place, rate=stream.rate, level=level))
     # More than one job: a warp takes one thread, because its frames are enough work for all CPUs.
-    options.setdefault("threads", None if jobs == 1 else 1)
+    if options.get("threads") is None and jobs > 1:
+        options["threads"] = 1
     work = _work(stream, lut, sinks, skip_existing, draw, options)
     return _run(stream, work, sinks, jobs=jobs, strict=strict, report=report)
 
 
+@contextlib.contextmanager
+def _placing(path: Path) -> Iterator[None]:
+    """Make one of our errors of what the file system says of an output's name."""
+    try:
+        yield
+    except OSError as error:
+        if isinstance(error, IpmError):
+            raise
+        raise FileError(f"{path}: expected to write it, got: {error.strerror or error}; give another name") from error
+
+
 def _work(
     stream: Stream,
-    lut: Lut | Callable[[Frame], Lut],
+    lut: Any,
     sinks: list[Sink],
     skip_existing: bool,
-    draw: Callable[[NDArray[Any], Lut], NDArray[Any]] | None,
+    draw: Callable[[NDArray[Any], Any], NDArray[Any]] | None,
     options: dict[str, Any],
 ) -> Callable[[Ticket], list[Any] | None]:
     """Return what is done to a ticket on one of the threads: what each sink puts, or None where all have it already."""
@@ -140,17 +166,18 @@ def _work(
         if skip_existing and all(sink.has(ticket) for sink in sinks):
             return None
         frame = ticket.load()
-        table = lut if isinstance(lut, Lut) else lut(frame)
-        if not isinstance(table, Lut):
+        pictures: Any = frame.image
+        table = lut if isinstance(lut, (Lut, RigLut)) else lut(frame)
+        if not callable(getattr(table, "warp", None)):
             raise ArgumentTypeError(f"lut: expected a function that returns a Lut, got {type(table).__name__} from it")
         try:
-            view = table.warp(frame.image, **options)
+            view = table.warp(pictures, **options)
         except ImageError as error:
             raise ImageError(f"{stream.path}: frame {ticket.name}: {error}") from error
-        pictures = [view if draw is None else draw(view, table)]
+        shown = [view if draw is None else draw(view, table)]
         if len(sinks) > 1:
-            pictures.append(np.where(table.mask, np.uint8(255), np.uint8(0)))
-        return [sink.prepare(ticket, picture) for sink, picture in zip(sinks, pictures, strict=True)]
+            shown.append(np.where(table.mask, np.uint8(255), np.uint8(0)))
+        return [sink.prepare(ticket, picture) for sink, picture in zip(sinks, shown, strict=True)]
 
     return work
 

@@ -1,0 +1,103 @@
+"""Videos, topics of bags and drives in ``ipm-rs rig``: a view of each moment that the first camera has a frame of."""
+
+from __future__ import annotations
+
+import argparse
+import threading
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import ipm_rs
+from ipm_rs import streams
+from ipm_rs.cli.frames import check_destination, conclude, warped
+from ipm_rs.errors import ArgumentError, FileError, ImageError
+from ipm_rs.streams import bag
+from ipm_rs.streams.sinks import VIDEO_CODECS
+
+_OPTIONS = ("jobs", "start", "end", "tolerance")
+
+
+def concerns(sources: Mapping[str, Path], args: argparse.Namespace) -> bool:
+    """Say whether a camera has a stream other than images, or the output is a video."""
+    others = [name for name, path in sources.items() if _kind(path) not in (None, "folder")]
+    if others or args.output.suffix.lower() in VIDEO_CODECS:
+        return True
+    given = [option for option in _OPTIONS if getattr(args, option) is not None] + ["every"] * (args.every != 1)
+    if given:
+        raise ArgumentError(f"--{given[0]}: expected videos, bags or a video as the output, got images; leave it out")
+    return False
+
+
+def run(args: argparse.Namespace, lut: ipm_rs.RigLut, sources: Mapping[str, Path], options: dict[str, Any]) -> None:
+    """Check every header and the output's name, then make view after view."""
+    lacking = [name for name in lut.rig if name not in sources]
+    if lacking and args.missing is None:
+        raise ArgumentError(
+            f"NAME=STREAM: expected one for each camera, got none for {', '.join(lacking)}; give it, or --missing next"
+        )
+    opened = {name: _opened(path, name) for name, path in sources.items()}
+    for name, stream in opened.items():
+        size = lut.rig[name].image_size
+        if stream.size is not None and stream.size != size:
+            raise ImageError(
+                f"{stream.path}: expected {size[0]}x{size[1]} pixels, as camera {name!r} has, got "
+                f"{stream.size[0]}x{stream.size[1]}; use the original, or --image-size"
+            )
+    joined = streams.together(opened, tolerance=args.tolerance, partial=args.missing is not None)
+    joined = joined.chosen(every=args.every, start=args.start, end=args.end)
+    check_destination(args.output, [stream.path for stream in opened.values()], force=args.force, skip_existing=False)
+    table = _Balanced(lut) if args.gains else lut
+    summary = warped(joined, table, args.output, quiet=args.quiet, jobs=args.jobs, **options)
+    conclude(args.output, lut, summary, quiet=args.quiet)
+
+
+def _kind(path: Path) -> str | None:
+    try:
+        return streams.recognise(path)
+    except FileError:
+        return "bag" if _topic(path) else None
+
+
+def _topic(path: Path) -> tuple[str, str] | None:
+    """Return a bag and a topic of ``run.mcap:/front/image_raw``."""
+    place, colon, topic = str(path).partition(":/")
+    return (place, f"/{topic}") if colon and bag.recognises(place) else None
+
+
+def _opened(path: Path, name: str) -> streams.Stream:
+    found = _topic(path)
+    if found is not None:
+        return streams.open(found[0], kind="bag", topic=found[1], poses=False)
+    if streams.recognise(path) == "bag":
+        raise ArgumentError(f"{name}={path}: expected a topic of the bag, got none; write {name}={path}:/the/topic")
+    return streams.open(path)
+
+
+class _Balanced:
+    """Makes the table of a frame, with gains that follow the pictures of all cameras."""
+
+    def __init__(self, lut: ipm_rs.RigLut) -> None:
+        self.lut, self.lock = lut, threading.Lock()
+        self.gains: dict[str, NDArray[np.float32]] | None = None
+
+    def __call__(self, frame: streams.Frame) -> _WithGains:
+        pictures: Any = frame.image
+        with self.lock:
+            if len(pictures) == len(self.lut.rig):
+                self.gains = self.lut.gains(pictures, previous=self.gains)
+            return _WithGains(self.lut, self.gains)
+
+
+class _WithGains:
+    """A table of a rig, with the gains of a moment."""
+
+    def __init__(self, lut: ipm_rs.RigLut, gains: dict[str, NDArray[np.float32]] | None) -> None:
+        self.lut, self.gains, self.mask = lut, gains, lut.mask
+
+    def warp(self, image: Any, /, **options: Any) -> NDArray[Any]:
+        """Make the view."""
+        return self.lut.warp(image, gains=self.gains, **options)
