@@ -21,7 +21,7 @@ from PIL import Image
 from test_streams import write_video
 
 import ipm_rs
-from ipm_rs import calibration, draw, pointfile, streams
+from ipm_rs import calibration, draw, pointfile, refine, scene, streams
 
 WIDTH, HEIGHT = 64, 48
 K = np.array([[50.0, 0, 31.5], [0, 50, 23.5], [0, 0, 1]])
@@ -54,6 +54,20 @@ BOWL = ipm_rs.Bowl(5)
 TRAJECTORY = ipm_rs.Trajectory(
     [0.0, 1, 2, 3], [ipm_rs.Camera.from_euler(K, image_size=(2, 2), yaw=0.1 * k).vehicle_from_camera for k in range(4)]
 )
+
+
+def _drive() -> tuple[ipm_rs.Camera, list[np.ndarray], np.ndarray]:
+    """Two small pictures of a road 1.3 m apart, from a camera that looks a little lower than it says."""
+    intrinsics = [[160.0, 0, 79.5], [0, 160, 30], [0, 0, 1]]
+    camera = ipm_rs.Camera.from_euler(intrinsics, image_size=(160, 96), position=(0, 0, 1.4), pitch=0.08)
+    poses = np.array([np.eye(4), np.eye(4)])
+    poses[1, 0, 3] = 1.3
+    seen = [scene.render(camera.with_pose(camera.camera_from_vehicle @ np.linalg.inv(pose))) for pose in poses]
+    given = ipm_rs.Camera.from_euler(intrinsics, image_size=(160, 96), position=(0, 0, 1.4), pitch=0.07)
+    return given, seen, poses
+
+
+DRIVE = _drive()
 LIFTED = np.array([[0, 0, 0.0], [0, 0, 0.5], [0, 0, 1], [0, 0, 0.2], [0, 0, 1.2]])
 GROUND_POINTS = np.array([[5.0, 1, 0], [6, -1, 0], [9, 2, 0], [12, -2, 0], [8, 0, 0]])
 RIG_LUTS = [ipm_rs.RigLut(RIG, grid, blend=blend) for grid, blend in zip(GRIDS, ("best", "feather"), strict=False)]
@@ -451,6 +465,17 @@ RECIPES: dict[str, Callable[[Values], tuple[Callable[..., Any], Arguments]]] = {
             "lens": CAMERAS[0].lens,
             "ground": v.rng.choice([0.0, ipm_rs.Plane(normal=(0, 0, 1))]),
             "tolerance": 4.0,
+        },
+    ),
+    "refine.from_drive": lambda v: (
+        refine.from_drive,
+        {
+            "camera": DRIVE[0],
+            "images": [image.copy() for image in DRIVE[1]],
+            "poses": DRIVE[2].copy(),
+            "poses_of": v.rng.choice(["vehicle", "camera"]),
+            "grid": ipm_rs.BevGrid(x=(4, 12), y=(-2, 2), resolution=0.1),
+            "ground": 0.0,
         },
     ),
     "Camera.from_points": lambda v: (

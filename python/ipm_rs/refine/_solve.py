@@ -68,6 +68,9 @@ def minimise(
             step = np.asarray(np.linalg.solve(damped, -1.0 * current.gradient), dtype=np.float64)
         except np.linalg.LinAlgError:
             step = np.full(len(scale), np.nan)
+        # what the equations promise: at the least cost nothing, and trying on would only find rounding
+        if 0.0 <= -0.5 * float(current.gradient @ step) <= 0.1 * tolerance * current.cost:
+            break
         trial_state = move(state, step) if np.isfinite(step).all() else state
         trial = evaluate(trial_state) if trial_state is not state else current
         if trial.cost < current.cost:
