@@ -49,6 +49,20 @@ SHAPES = {
         "intrinsic": {"front": part(301), "left": part(302)},
         "extrinsic": {"front": pose(1.0), "left": pose(2.0)},
     },
+    "parts of each": {
+        "image_size": [960, 640],
+        **{n: {"intrinsic": part(f), "extrinsic": pose(f - 300.0)} for n, f in (("front", 301), ("left", 302))},
+    },
+    "parts of each in a group": {
+        "cameras": {
+            n: {"intrinsics": {"camera_matrix": K(f), "dist_coeffs": D}, "resolution": {"width": 960, "height": 640}}
+            for n, f in (("front", 301), ("left", 302))
+        }
+    },
+    "parts of each in a list": [
+        {"name": n, "calibration": part(f, image_size=[960, 640])} for n, f in (("front", 301), ("left", 302))
+    ],
+    "all of it in a section": {"rig": {"cameras": {"front": part(301), "left": part(302)}}, "size": [960, 640]},
     "parts in sections": {
         name: {"intrinsics": K(f), "dist_coeffs": D, "width": 960, "height": 640}
         for name, f in (("front", 301), ("left", 302))
@@ -64,7 +78,7 @@ def test_a_section_for_each_camera(shape, form, tmp_path):
         camera = ipm_rs.Camera.load(path, camera=name, lens="fisheye")
         np.testing.assert_array_equal(camera.intrinsics, K(f))
         assert camera.lens == FISHEYE and camera.image_size == (960, 640)
-        if shape == "parts in groups":
+        if shape in ("parts in groups", "parts of each"):
             assert camera.camera_from_vehicle[2, 3] == f - 300
     with refuses(errors.ArgumentError, str(path), "camera: expected one of 'front', 'left'", "got None"):
         ipm_rs.Camera.load(path, lens="fisheye")

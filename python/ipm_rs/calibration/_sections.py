@@ -9,6 +9,8 @@ Known shapes, in YAML, JSON and mappings::
     extrinsic: {front: {rvec, tvec}}
     intrinsic: {K, D}                    one camera in several places
     extrinsic: {left: {rvec, tvec}}
+    front: {intrinsic: {K, D}, extrinsic: {rvec, tvec}}   a section for each camera, in parts
+    rig: {cameras: {front: {K, D}}}      all of it in a section
 
 What stands beside the sections (a common image size, a lens) belongs to every camera.
 """
@@ -26,10 +28,14 @@ __all__ = ["choose", "sections"]
 
 _NAMES = ("name", "cameraname", "camera", "id", "cameraid", "label", "serial", "serialnumber")
 _POSE = ("rvec", "tvec")
+_INTRINSIC = (
+    "intrinsic", "intrinsics", "intrinsicparameters", "cameraintrinsics", "calibration", "calib", "camerainfo", "lens",
+)  # fmt: skip
+_DEEPEST = 3
 _MAX_KEYS = 30_000  # a rig of 500 cameras has 10 000 at three levels
 
 
-def sections(content: Any) -> dict[str, dict[str, Any]]:
+def sections(content: Any, *, depth: int = 0) -> dict[str, dict[str, Any]]:
     """Each camera's name and values, where a file has a section for each; empty where one stands at the top."""
     if not isinstance(content, (Mapping, list, tuple)) or _is_table(content):
         return {}
@@ -37,7 +43,9 @@ def sections(content: Any) -> dict[str, dict[str, Any]]:
         return _from_list(content, {})
     if has_camera(content):
         return {}
-    groups = {str(key): value for key, value in content.items() if _is_section(value) and spelled(key) not in SIZE}
+    groups = {
+        str(key): _whole(value) for key, value in content.items() if _is_section(value) and spelled(key) not in SIZE
+    }
     shared = {key: value for key, value in content.items() if str(key) not in groups and not _is_list(value)}
     found = {name: value for name, value in groups.items() if has_camera(value)}
     others = [value for name, value in groups.items() if name not in found]
@@ -45,7 +53,7 @@ def sections(content: Any) -> dict[str, dict[str, Any]]:
         return _one_in_places(found, shared, others)
     if not found:
         for name, group in groups.items():
-            inner = {str(key): value for key, value in group.items() if has_camera(value)}
+            inner = {str(key): whole for key, value in group.items() if has_camera(whole := _whole(value))}
             if inner:
                 found = inner
                 others = [value for key, value in groups.items() if key != name]
@@ -57,7 +65,11 @@ def sections(content: Any) -> dict[str, dict[str, Any]]:
             for name, value in found.items()
         }
     lists = (value for value in content.values() if _is_list(value))
-    return next((cameras for value in lists if (cameras := _from_list(value, shared))), {})
+    cameras = next((cameras for value in lists if (cameras := _from_list(value, shared))), {})
+    if not cameras and len(groups) == 1 and depth < _DEEPEST:
+        inside = sections(next(iter(groups.values())), depth=depth + 1)
+        cameras = {name: merged(shared, value) for name, value in inside.items()}
+    return cameras
 
 
 def choose(cameras: Mapping[str, Any], camera: Any, origin: str) -> str:
@@ -105,12 +117,25 @@ def _from_list(values: Sequence[Any], shared: Mapping[Any, Any]) -> dict[str, di
     if len(values) > MAX_KEYS or not all(isinstance(value, Mapping) for value in values):
         return {}
     found = {}
-    for index, value in enumerate(values):
+    for index, part in enumerate(values):
+        value = _whole(part)
         if has_camera(value):
             stated = {spelled(key): item for key, item in value.items() if isinstance(item, (str, int))}
             name = next((str(stated[key]) for key in _NAMES if key in stated), str(index))
             found[name if name not in found else f"{name} ({index})"] = merged(shared, value)
     return found
+
+
+def _whole(value: Any) -> Any:
+    """Return a camera's section whose matrix and pose stand in sections of their own as one; anything else as it is."""
+    if not _is_section(value) or len(value) > MAX_KEYS or has_camera(value):
+        return value
+    parts = [part for part in value.values() if _is_section(part)]
+    known = [part for key, part in value.items() if spelled(key) in _INTRINSIC and has_camera(part)]
+    if len(known) != 1 or sum(map(has_camera, parts)) != 1:
+        return value
+    plain = {key: item for key, item in value.items() if not _is_section(item) or spelled(key) in SIZE}
+    return merged(plain, known[0], *(part for part in parts if _has_pose(part)))
 
 
 def _is_table(content: Mapping[Any, Any] | Sequence[Any]) -> bool:
