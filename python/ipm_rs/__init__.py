@@ -12,7 +12,7 @@ the centre of the top-left pixel. Transforms are named `dst_from_src`; angles ar
 import importlib
 from typing import TYPE_CHECKING
 
-from ipm_rs import calibration, errors
+from ipm_rs import _notebook, calibration, errors
 from ipm_rs._core import (
     BevGrid,
     BrownConrady,
@@ -70,8 +70,9 @@ from ipm_rs.rig import Bowl, Rig, RigLut
 from ipm_rs.trajectory import Trajectory
 
 if TYPE_CHECKING:
-    from ipm_rs import draw, pointfile, reference, refine, streams
+    from ipm_rs import diagnosis, draw, pointfile, reference, refine, streams
     from ipm_rs import ray as ray
+    from ipm_rs.diagnosis import doctor
 
 __all__ = [
     "ArgumentError",
@@ -111,6 +112,8 @@ __all__ = [
     "decode_carla_depth",
     "depth_to_lidar",
     "depth_to_local_point_cloud",
+    "diagnosis",
+    "doctor",
     "draw",
     "encode_carla_depth",
     "errors",
@@ -139,9 +142,14 @@ __all__ = [
 
 def __getattr__(name: str) -> object:
     # When they are asked for: few programs need them. `ray` is not in __all__, for it would hide Ray's own name.
-    if name in ("draw", "pointfile", "ray", "reference", "refine", "streams"):
+    if name in ("diagnosis", "draw", "pointfile", "ray", "reference", "refine", "streams"):
         return importlib.import_module(f"ipm_rs.{name}")
+    if name == "doctor":
+        return importlib.import_module("ipm_rs.diagnosis").doctor
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+_notebook.attach()
 
 
 def __dir__() -> list[str]:

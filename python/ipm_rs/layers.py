@@ -36,5 +36,14 @@ class Layers(dict[str, NDArray[Any]]):
         self.outside = outside
         self.ignored = ignored
 
+    def _repr_html_(self) -> str:
+        from ipm_rs._notebook import html_of, layer_picture
+
+        return html_of(self._words, lambda: layer_picture(next(iter(self.values()))))
+
+    def _words(self) -> str:
+        layers = ", ".join(f"{name} {'x'.join(map(str, layer.shape))} {layer.dtype}" for name, layer in self.items())
+        return f"Layers({layers}); {self.inside} points inside, {self.outside} outside, {self.ignored} ignored"
+
     def __reduce__(self) -> tuple[Any, ...]:
         return type(self), (dict(self), self.inside, self.outside, self.ignored)

@@ -71,6 +71,7 @@ DRIVE = _drive()
 LIFTED = np.array([[0, 0, 0.0], [0, 0, 0.5], [0, 0, 1], [0, 0, 0.2], [0, 0, 1.2]])
 GROUND_POINTS = np.array([[5.0, 1, 0], [6, -1, 0], [9, 2, 0], [12, -2, 0], [8, 0, 0]])
 RIG_LUTS = [ipm_rs.RigLut(RIG, grid, blend=blend) for grid, blend in zip(GRIDS, ("best", "feather"), strict=False)]
+REPORTS: list[Any] = [ipm_rs.doctor(CAMERAS[0], GRIDS[0]), ipm_rs.doctor(RIG, GRIDS[0])]
 FILES = ("cloud.bin", "cloud.npy", "cloud.ply", "cloud.pcd", "cloud.las", "cloud.laz")
 
 Arguments = dict[str, Any]
@@ -332,6 +333,13 @@ def _rig_warp(v: Values) -> tuple[Callable[..., Any], Arguments]:
     return v.rng.choice(RIG_LUTS).warp, arguments
 
 
+def _doctor(v: Values) -> tuple[Callable[..., Any], Arguments]:
+    arguments = {"grid": v.rng.choice(GRIDS[:2]), "ground": v.rng.choice(ROADS)}
+    if v.rng.random() < 0.3:
+        return ipm_rs.doctor, {"camera": RIG, "image": v.rig_images("u1 f4"), **arguments}
+    return ipm_rs.doctor, {"camera": v.rng.choice(CAMERAS), "image": v.image(1, 3), **arguments}
+
+
 def _pickled(v: Values) -> tuple[Callable[..., Any], Arguments]:
     return pickle.loads, {"data": pickle.dumps(v.rng.choice(OBJECTS))}
 
@@ -416,6 +424,8 @@ RECIPES: dict[str, Callable[[Values], tuple[Callable[..., Any], Arguments]]] = {
     "Bowl.height_map": lambda v: (BOWL.height_map, {"grid": GRIDS[0]}),
     "Rig.save": lambda v: (RIG.save, {"path": v.folder / "rig-written.json"}),
     "Rig.load": lambda v: (ipm_rs.Rig.load, {"path": v.folder / "rig.json"}),
+    "doctor": _doctor,
+    "diagnosis.reports": lambda v: (getattr(v.rng.choice(REPORTS), v.rng.choice(["to_json", "draw", "__str__"])), {}),
     "draw.axes": _with(
         draw.axes,
         lambda v: {

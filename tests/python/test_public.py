@@ -87,7 +87,8 @@ def test_the_api_page_has_every_public_name():
     assert sorted(set(FUNCTIONS + CLASSES) - on_page) == []
     for module in MODULES:  # as a whole, or each of its functions
         promised = getattr(ipm_rs, module).__all__
-        functions = {f"{module}.{name}" for name in promised if inspect.isroutine(getattr(PUBLIC[module], name))}
+        own = (name for name in promised if name not in FUNCTIONS)  # `diagnosis.doctor` is `doctor`
+        functions = {f"{module}.{name}" for name in own if inspect.isroutine(getattr(PUBLIC[module], name))}
         assert module in on_page or functions <= on_page, module
     assert "errors" in on_page and set(EXCEPTIONS) <= set(errors.__all__)
     assert "ipm_rs.__version__" in (ROOT / "docs" / "api.md").read_text(encoding="utf-8")
@@ -173,7 +174,7 @@ def test_the_stub_gives_every_argument_and_result_a_type():
         untyped += [f"{name}({a.arg})" for a in arguments if a.annotation is None]
         untyped += [] if node.returns else [f"{name} ->"]
     assert untyped == []
-    assert {*FUNCTIONS} <= STUB_FUNCTIONS.keys()
+    assert {*FUNCTIONS} - {"doctor"} <= STUB_FUNCTIONS.keys()  # which is written in Python
 
 
 @pytest.mark.parametrize("module", [name for name in MODULES if name != "errors"])

@@ -68,6 +68,14 @@ class Cloud:
     scale: NDArray[np.float64] | None = None
     offset: NDArray[np.float64] | None = None
 
+    def __repr__(self) -> str:
+        return f"Cloud({len(self.points)} points {self.points.dtype}{''.join(f', {name}' for name in self.values)})"
+
+    def _repr_html_(self) -> str:
+        from ipm_rs._notebook import cloud_picture, html_of
+
+        return html_of(lambda: repr(self), lambda: cloud_picture(self.points))
+
 
 def read(path: str | PathLike[str], *, columns: Sequence[str] | None = None) -> Cloud:
     """Read a point cloud file, whose ending decides the format.

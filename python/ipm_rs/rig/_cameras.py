@@ -83,6 +83,11 @@ class Rig(Mapping[str, Camera]):
     def __repr__(self) -> str:
         return f"Rig({', '.join(f'{name}: {w}x{h}' for name, (w, h) in self._sizes())})"
 
+    def _repr_html_(self) -> str:
+        from ipm_rs._notebook import html_of
+
+        return html_of(lambda: "\n".join(["Rig", *(f"  {name}: {camera!r}" for name, camera in self._cameras.items())]))
+
     def _sizes(self) -> Iterator[tuple[str, tuple[int, int]]]:
         return ((name, camera.image_size) for name, camera in self._cameras.items())
 

@@ -430,6 +430,11 @@ class RigLut:
             return _rebuilt_without, (whole, [name for name in whole._rig if name not in left])
         return _rebuilt, (self._rig, self._grid, self._ground, self._options)
 
+    def _repr_html_(self) -> str:
+        from ipm_rs._notebook import html_of, mask_picture
+
+        return html_of(lambda: repr(self), lambda: mask_picture(self.mask, self.mask))
+
     def __repr__(self) -> str:
         rows, columns = self.shape
         megabytes = self.nbytes / 1e6
