@@ -98,6 +98,10 @@ def numbers(value: Any, where: str, count: int | Sequence[int] | None = None, *,
         raise CalibrationError(
             f"{where}: expected {wanted}, got {len(items)}; check that the list is complete and of this format"
         )
+    if all(type(item) is float for item in items):  # most are: a third of the time of the checks one by one
+        array = np.array(items, dtype=float)
+        if np.isfinite(array).all():
+            return array
     return np.array([number(item, f"{where}[{index}]", unit=unit) for index, item in enumerate(items)], dtype=float)
 
 

@@ -27,7 +27,7 @@ from __future__ import annotations
 
 import json
 import struct
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -114,7 +114,7 @@ def write(path: Path, kind: str, header: Mapping[str, Any], blocks: Mapping[str,
             written = entry["start"] + len(block)
 
 
-def read(path: Path, data: bytes, kind: str) -> Content:
+def read(path: Path, data: bytes, kind: str, own_checksums: Collection[str] = ()) -> Content:
     """Take a file apart and check every byte of it.
 
     Parameters
@@ -125,6 +125,9 @@ def read(path: Path, data: bytes, kind: str) -> Content:
         The whole file, which begins with `MAGIC`.
     kind : str
         What it must hold.
+    own_checksums : collection of str
+        Blocks whose content brings a checksum of all its bytes, which whoever takes it apart looks at: once is enough
+        (0.2 ms for the 4.7 MB of a table).
 
     Raises
     ------
@@ -159,7 +162,7 @@ def read(path: Path, data: bytes, kind: str) -> Content:
         if not end <= start < end + _ALIGNED or size < 0 or start + size > total or any(data[end:start]):
             raise _damaged(path, "its header")
         end = start + size
-        if core._checksum(data, start, end) != expected:
+        if name not in own_checksums and core._checksum(data, start, end) != expected:
             raise _damaged(path, f"its block {name!r:.40}")
         ranges[name] = (start, end)
     if end != total:

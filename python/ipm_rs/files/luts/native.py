@@ -48,7 +48,7 @@ def load(path: Path, data: bytes, expect: Any, source_size: Any) -> Lut:
         `expect` is neither a Camera, a BevGrid nor several of them, or `source_size` is another than the file's.
     """
     wanted = _wanted(expect)
-    content = container.read(path, data, "Lut")
+    content = container.read(path, data, "Lut", own_checksums=("table",))
     try:
         camera, grid, ground = scene_of(content)
         lut = Lut._from_bytes(data, camera, grid, ground, *content.range("table"))
