@@ -37,6 +37,7 @@ fn main() {
         "bilinear f32x3" => warp::<f32>(&camera, 3, Interpolation::Bilinear, f32::from),
         "nearest u8x1" => warp::<u8>(&camera, 1, Interpolation::Nearest, |byte| byte),
         "nearest u8x3" => warp::<u8>(&camera, 3, Interpolation::Nearest, |byte| byte),
+        "nearest first" => nth_warp::<u8>(&camera, 3, Interpolation::Nearest, |byte| byte, false),
         "area u8x3" => area(&camera, 3, true),
         "area plan" => area(&camera, 1, false),
         "table" => table(&camera),
@@ -56,15 +57,30 @@ fn println_cells(cells: usize) {
     println!("{cells}");
 }
 
-/// Warps through a table; returns the valid cells.
+/// Warps through a table that has been warped through; returns the valid cells.
 fn warp<T: Bilinear>(camera: &Camera, channels: usize, interpolation: Interpolation, sample: fn(u8) -> T) -> usize {
+    nth_warp(camera, channels, interpolation, sample, true)
+}
+
+/// Warps through a table, by the first warp, which works out what the table keeps for the next, or by the second.
+fn nth_warp<T: Bilinear>(
+    camera: &Camera,
+    channels: usize,
+    interpolation: Interpolation,
+    sample: fn(u8) -> T,
+    once_before: bool,
+) -> usize {
     let lut = Lut::new(camera, &seed_grid(CELL), &Ground::default()).expect("the seed job fits");
     let data: Vec<T> = textured(SIZE.0 * SIZE.1 * channels).into_iter().map(sample).collect();
     let image = ImageView::new(&data, SIZE, channels).expect("the image fits its size");
     let mut out = vec![T::default(); lut.rows() * lut.columns() * channels];
     let mut out = ImageViewMut::new(&mut out, (lut.columns(), lut.rows()), channels).expect("the output fits");
     let options = WarpOptions { interpolation, threads: Some(1), ..WarpOptions::default() };
-    counted(&mut || lut.warp_into(black_box(&image), &mut out, &options).expect("the image fits the table"));
+    let mut warp = || lut.warp_into(black_box(&image), &mut out, &options).expect("the image fits the table");
+    if once_before {
+        warp();
+    }
+    counted(&mut warp);
     lut.valid_cells()
 }
 

@@ -29,6 +29,7 @@ JOBS = [
     "bilinear f64x3",
     "nearest u8x1",
     "nearest u8x3",
+    "nearest first",  # of u8x3, with what the table keeps of the nearest pixels
     "area u8x3",
     "area plan",  # and a warp of u8x1, without which there is no plan
     "table",
