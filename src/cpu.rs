@@ -2,7 +2,15 @@
 
 use std::sync::OnceLock;
 
-use crate::error::{Error, Result};
+/// An instruction set that is unknown or that this CPU or build lacks.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[error("instruction set: expected one of {available}, got {got:?}; unset IPM_RS_ISA to use the best")]
+pub struct IsaError {
+    /// What this CPU and build offer.
+    pub available: String,
+    /// The value that came.
+    pub got: String,
+}
 
 /// An instruction set with kernels of its own. All give the same answers to the last bit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -62,9 +70,9 @@ impl Isa {
     /// The one in use: that of the environment variable `IPM_RS_ISA`, else the best available. Read once.
     ///
     /// # Errors
-    /// [`Error::Isa`] where the variable names none that is available.
-    pub fn active() -> Result<Self> {
-        static ACTIVE: OnceLock<Result<Isa>> = OnceLock::new();
+    /// [`IsaError`] where the variable names none that is available.
+    pub fn active() -> Result<Self, IsaError> {
+        static ACTIVE: OnceLock<Result<Isa, IsaError>> = OnceLock::new();
         let choose = || match std::env::var_os("IPM_RS_ISA") {
             Some(name) if !name.is_empty() => Self::parse(&name.to_string_lossy()),
             _ => Ok(Self::available()[Self::available().len() - 1]),
@@ -75,14 +83,14 @@ impl Isa {
     /// Itself if this CPU can run it.
     ///
     /// # Errors
-    /// [`Error::Isa`].
-    pub fn checked(self) -> Result<Self> {
+    /// [`IsaError`].
+    pub fn checked(self) -> Result<Self, IsaError> {
         Self::parse(self.name())
     }
 
-    fn parse(name: &str) -> Result<Self> {
+    fn parse(name: &str) -> Result<Self, IsaError> {
         let found = Self::available().iter().find(|isa| isa.name() == name.trim().to_ascii_lowercase());
-        found.copied().ok_or_else(|| Error::Isa {
+        found.copied().ok_or_else(|| IsaError {
             available: Self::available().iter().map(|isa| isa.name()).collect::<Vec<_>>().join(", "),
             got: name.to_owned(),
         })
@@ -201,7 +209,7 @@ mod tests {
         for &isa in Isa::available() {
             assert_eq!(Isa::parse(isa.name()), Ok(isa));
         }
-        assert!(matches!(Isa::parse("mmx"), Err(Error::Isa { .. })));
-        assert!(matches!(Isa::parse(""), Err(Error::Isa { .. })));
+        assert!(matches!(Isa::parse("mmx"), Err(IsaError { .. })));
+        assert!(matches!(Isa::parse(""), Err(IsaError { .. })));
     }
 }

@@ -1,7 +1,7 @@
 //! The metric grid on the road.
 
-use crate::error::{Error, Result};
-use crate::view::{MAX_CELLS, check_cells};
+use crate::error::{count, readable};
+use crate::view::{MAX_CELLS, are_too_many};
 
 /// How far from a whole number of cells a range may be, in cells.
 const WHOLE_CELLS: f64 = 1e-6;
@@ -43,11 +43,13 @@ impl BevGrid {
     /// A grid from its ranges (min, max) and cell sizes (along x, along y), metres.
     ///
     /// # Errors
-    /// [`Error::GridRange`], [`Error::CellSize`], [`Error::PartialCell`] and [`Error::TooManyCells`].
-    pub fn new(x: (f64, f64), y: (f64, f64), resolution: (f64, f64), sample_at: SampleAt) -> Result<Self> {
+    /// [`GridError::Range`](GridError::Range), [`GridError::CellSize`](GridError::CellSize), [`GridError::PartialCell`](GridError::PartialCell) and [`GridError::TooManyCells`](GridError::TooManyCells).
+    pub fn new(x: (f64, f64), y: (f64, f64), resolution: (f64, f64), sample_at: SampleAt) -> Result<Self, GridError> {
         let rows = cells("x", x, resolution.0)?;
         let columns = cells("y", y, resolution.1)?;
-        check_cells("BevGrid", rows, columns)?;
+        if are_too_many(rows, columns) {
+            return Err(GridError::TooManyCells { rows, columns, limit: MAX_CELLS });
+        }
         Ok(Self { x, y, resolution, sample_at, rows: rows as usize, columns: columns as usize })
     }
 
@@ -105,20 +107,76 @@ impl BevGrid {
     }
 }
 
+/// A grid without whole cells.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum GridError {
+    /// A grid range that is reversed, empty or not finite.
+    #[error("{axis}: expected a finite range (min, max) in metres with min < max, got ({min}, {max})")]
+    Range {
+        /// "x" or "y".
+        axis: &'static str,
+        /// Lower end.
+        min: f64,
+        /// Upper end.
+        max: f64,
+    },
+    /// A cell size that is zero, negative or not finite.
+    #[error("resolution: expected a positive cell size in metres along {axis}, got {got}")]
+    CellSize {
+        /// "x" or "y".
+        axis: &'static str,
+        /// The size that came.
+        got: f64,
+    },
+    /// A range that is not a whole number of cells.
+    #[error(
+        "{axis}: ({min}, {max}) is {cells} cells of {cell} m, expected a whole number (to 1e-6); the nearest is ({min}, {}), {nearest} cells", readable(*nearest_max)
+    )]
+    PartialCell {
+        /// "x" or "y".
+        axis: &'static str,
+        /// Lower end.
+        min: f64,
+        /// Upper end.
+        max: f64,
+        /// Cell size, metres.
+        cell: f64,
+        /// Cells in the range, not whole.
+        cells: f64,
+        /// Nearest whole number of cells, at least one.
+        nearest: f64,
+        /// Upper end of the range of that many cells.
+        nearest_max: f64,
+    },
+    /// More cells than a table may hold.
+    #[error(
+        "BevGrid: {} x {} cells are more than the {limit} that one table may hold; use a coarser resolution or a smaller output", count(*rows), count(*columns)
+    )]
+    TooManyCells {
+        /// Rows, as a float because it may not fit an integer.
+        rows: f64,
+        /// Columns, likewise.
+        columns: f64,
+        /// The limit.
+        limit: usize,
+    },
+}
+
 /// Whole cells in a range.
-fn cells(axis: &'static str, (min, max): (f64, f64), cell: f64) -> Result<f64> {
+fn cells(axis: &'static str, (min, max): (f64, f64), cell: f64) -> Result<f64, GridError> {
     let length = max - min;
     if !(min.is_finite() && max.is_finite() && length > 0.0 && length.is_finite()) {
-        return Err(Error::GridRange { axis, min, max });
+        return Err(GridError::Range { axis, min, max });
     }
     if !(cell > 0.0 && cell.is_finite()) {
-        return Err(Error::CellSize { axis, got: cell });
+        return Err(GridError::CellSize { axis, got: cell });
     }
     let cells = length / cell;
     let nearest = cells.round().max(1.0);
     if (cells - nearest).abs() > WHOLE_CELLS && cells <= MAX_CELLS as f64 {
         let nearest_max = min + nearest * cell;
-        return Err(Error::PartialCell { axis, min, max, cell, cells, nearest, nearest_max });
+        return Err(GridError::PartialCell { axis, min, max, cell, cells, nearest, nearest_max });
     }
     Ok(nearest)
 }
@@ -155,22 +213,22 @@ mod tests {
     #[test]
     fn refuses_what_is_no_grid() {
         let new = |x, dx| BevGrid::new(x, (-10.0, 10.0), (dx, 0.1), SampleAt::Center);
-        assert!(matches!(new((50.0, 7.0), 0.05), Err(Error::GridRange { axis: "x", .. })));
-        assert!(matches!(new((7.0, 7.0), 0.05), Err(Error::GridRange { .. })));
-        assert!(matches!(new((f64::NAN, 7.0), 0.05), Err(Error::GridRange { .. })));
-        assert!(matches!(new((-f64::MAX, f64::MAX), 0.05), Err(Error::GridRange { .. })));
+        assert!(matches!(new((50.0, 7.0), 0.05), Err(GridError::Range { axis: "x", .. })));
+        assert!(matches!(new((7.0, 7.0), 0.05), Err(GridError::Range { .. })));
+        assert!(matches!(new((f64::NAN, 7.0), 0.05), Err(GridError::Range { .. })));
+        assert!(matches!(new((-f64::MAX, f64::MAX), 0.05), Err(GridError::Range { .. })));
         for cell in [0.0, -0.1, f64::NAN, f64::INFINITY] {
-            assert!(matches!(new((7.0, 50.0), cell), Err(Error::CellSize { .. })));
+            assert!(matches!(new((7.0, 50.0), cell), Err(GridError::CellSize { .. })));
         }
-        assert!(matches!(new((7.0, 50.0), 1e-9), Err(Error::TooManyCells { .. })));
-        assert!(matches!(new((7.0, 50.0), f64::MIN_POSITIVE), Err(Error::TooManyCells { .. })));
+        assert!(matches!(new((7.0, 50.0), 1e-9), Err(GridError::TooManyCells { .. })));
+        assert!(matches!(new((7.0, 50.0), f64::MIN_POSITIVE), Err(GridError::TooManyCells { .. })));
         match new((7.0, 50.02), 0.05) {
-            Err(Error::PartialCell { nearest, nearest_max, .. }) => {
+            Err(GridError::PartialCell { nearest, nearest_max, .. }) => {
                 assert_eq!(nearest, 860.0);
                 assert!((nearest_max - 50.0).abs() < 1e-9);
             }
             other => panic!("{other:?}"),
         }
-        assert!(matches!(new((7.0, 7.01), 0.05), Err(Error::PartialCell { nearest: 1.0, .. })));
+        assert!(matches!(new((7.0, 7.01), 0.05), Err(GridError::PartialCell { nearest: 1.0, .. })));
     }
 }

@@ -22,7 +22,7 @@
 mod camera;
 pub mod cloud;
 mod cpu;
-mod error;
+pub mod error;
 mod finding;
 pub mod geometry;
 mod grid;

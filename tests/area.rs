@@ -5,6 +5,7 @@
 mod common;
 
 use common::{image, seed_camera, seed_grid, textured};
+use ipm_rs::error::{LutError, WarpError};
 use ipm_rs::{Error, Ground, ImageView, ImageViewMut, Interpolation, Lut, Sample, WarpOptions};
 
 const SIZE: (usize, usize) = (512, 256);
@@ -227,10 +228,10 @@ fn a_plan_is_no_part_of_what_a_table_is_but_of_its_size() {
 #[test]
 fn sides_of_a_million_pixels_are_refused() {
     let wide = Lut::from_maps(&[0.0], &[0.0], 1, (1 << 20, 2)).unwrap();
-    assert!(matches!(wide.sampling_density(), Err(Error::AreaSize { .. })));
+    assert!(matches!(wide.sampling_density(), Err(Error::Lut(LutError::AreaSize { .. }))));
     let pixels = vec![0u8; 2 << 20];
     let got = wide.warp(&ImageView::new(&pixels, (1 << 20, 2), 1).unwrap(), &area());
-    assert!(matches!(got, Err(Error::AreaSize { .. })));
+    assert!(matches!(got, Err(Error::Lut(LutError::AreaSize { .. }))));
 }
 
 #[test]
@@ -266,7 +267,7 @@ fn mode_is_the_majority_and_the_smallest_of_equals() {
     let view = ImageView::new(&many, (64, 64), 1).unwrap();
     let mut out = ImageViewMut::new(&mut got, (8, 8), 1).unwrap();
     let refused = lut.warp_many_mode_into(&[view], std::slice::from_mut(&mut out), &WarpOptions::default());
-    assert_eq!(refused, Err(Error::TooManyIds { limit: 256 }));
+    assert_eq!(refused, Err(Error::Warp(WarpError::TooManyIds { limit: 256 })));
 }
 
 #[test]

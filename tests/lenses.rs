@@ -4,6 +4,7 @@
 
 use std::f64::consts::PI;
 
+use ipm_rs::error::LensError;
 use ipm_rs::{
     BevGrid, BrownConrady, Camera, DoubleSphere, Error, Eucm, Ground, KannalaBrandt, Lens, Lut, Mei, Ocam, Pinhole,
     RadialPolynomial, SampleAt,
@@ -335,7 +336,7 @@ fn what_sees_nothing_beside_its_axis_is_refused() {
         Ocam::new(&[300.0, 0.0, 1e6], [1.0, 0.0, 0.0], None).map(Into::into),
     ];
     for (index, refused) in folded.into_iter().enumerate() {
-        let Err(Error::LensFolds { angle, .. }) = refused else { panic!("{index}: {refused:?}") };
+        let Err(Error::Lens(LensError::Folds { angle, .. })) = refused else { panic!("{index}: {refused:?}") };
         assert!((0.0..1e-3).contains(&angle), "{index}: {angle}");
     }
     let named = Mei::new(1.2, &[0.0, 0.0, 1e4, 0.0], None).unwrap_err().to_string();
@@ -372,7 +373,7 @@ fn wrong_parameters_are_refused() {
     let nan = f64::NAN;
     for count in [0, 1, 2, 3, 6, 7, 9, 11, 13, 15] {
         let refused = BrownConrady::new(&vec![0.0; count], None);
-        assert!(matches!(refused, Err(Error::LensCoefficients { got, .. }) if got == count));
+        assert!(matches!(refused, Err(Error::Lens(LensError::Coefficients { got, .. })) if got == count));
     }
     let wrong: Vec<(&str, ipm_rs::Result<Lens>)> = vec![
         ("NaN", BrownConrady::new(&[nan, 0.0, 0.0, 0.0], None).map(Into::into)),
@@ -404,6 +405,12 @@ fn wrong_parameters_are_refused() {
         ("limit", Ocam::new(&[-300.0], [1.0, 0.0, 0.0], Some(nan)).map(Into::into)),
     ];
     for (what, refused) in wrong {
-        assert!(matches!(refused, Err(Error::LensCoefficients { .. } | Error::LensParameter { .. })), "{what}");
+        assert!(
+            matches!(
+                refused,
+                Err(Error::Lens(LensError::Coefficients { .. }) | Error::Lens(LensError::Parameter { .. }))
+            ),
+            "{what}"
+        );
     }
 }

@@ -5,6 +5,7 @@
 mod common;
 
 use common::{image, seed_camera, seed_grid, textured};
+use ipm_rs::error::{ThreadsError, ViewError, WarpError};
 use ipm_rs::warp::reference;
 use ipm_rs::{
     BevGrid, Bilinear, BrownConrady, Camera, Error, F16, Ground, ImageView, ImageViewMut, Interpolation, KannalaBrandt,
@@ -261,12 +262,15 @@ fn images_that_do_not_go_together_are_refused() {
         assert_eq!(canvas, vec![9; 2 * count]);
         error
     };
-    assert_eq!(refused(&[], 0, vec![0]), Error::ImageCount { images: 0, outs: 0 });
-    assert_eq!(refused(&planes, 5, vec![0]), Error::ImageCount { images: 6, outs: 5 });
-    assert_eq!(refused(&[planes[0], colour], 2, vec![0]), Error::MixedChannels { expected: 1, got: 3 });
-    assert_eq!(refused(&planes, 6, vec![0; 4]), Error::BorderChannels { expected: 1, got: 4 });
-    assert_eq!(refused(&planes, 6, vec![]), Error::BorderChannels { expected: 1, got: 0 });
-    assert!(matches!(refused(&[colour], 1, vec![0]), Error::OutputShape { .. }));
+    assert_eq!(refused(&[], 0, vec![0]), Error::Warp(WarpError::ImageCount { images: 0, outs: 0 }));
+    assert_eq!(refused(&planes, 5, vec![0]), Error::Warp(WarpError::ImageCount { images: 6, outs: 5 }));
+    assert_eq!(
+        refused(&[planes[0], colour], 2, vec![0]),
+        Error::Warp(WarpError::MixedChannels { expected: 1, got: 3 })
+    );
+    assert_eq!(refused(&planes, 6, vec![0; 4]), Error::View(ViewError::BorderChannels { expected: 1, got: 4 }));
+    assert_eq!(refused(&planes, 6, vec![]), Error::View(ViewError::BorderChannels { expected: 1, got: 0 }));
+    assert!(matches!(refused(&[colour], 1, vec![0]), Error::View(ViewError::OutputShape { .. })));
 }
 
 #[test]
@@ -280,12 +284,12 @@ fn refusals_come_before_anything_is_written() {
         lut.warp_into(&view, &mut out, &options).unwrap_err()
     };
     let good = WarpOptions::default;
-    assert!(matches!(refused((5, 3), (2, 1), good()), Error::SizeMismatch { .. }));
-    assert!(matches!(refused((4, 3), (1, 2), good()), Error::OutputShape { .. }));
+    assert!(matches!(refused((5, 3), (2, 1), good()), Error::View(ViewError::SizeMismatch { .. })));
+    assert!(matches!(refused((4, 3), (1, 2), good()), Error::View(ViewError::OutputShape { .. })));
     let border = WarpOptions { border_value: vec![1, 2, 3], ..good() };
-    assert!(matches!(refused((4, 3), (2, 1), border), Error::BorderChannels { expected: 2, got: 3 }));
+    assert!(matches!(refused((4, 3), (2, 1), border), Error::View(ViewError::BorderChannels { expected: 2, got: 3 })));
     let threads = WarpOptions { threads: Some(0), ..good() };
-    assert!(matches!(refused((4, 3), (2, 1), threads), Error::Threads { .. }));
+    assert!(matches!(refused((4, 3), (2, 1), threads), Error::Threads(ThreadsError::Zero { .. })));
     assert_eq!(out, [9; 4]);
 }
 

@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 
 use super::trace::Tracer;
 use super::{Camera, check_tracing};
-use crate::error::{Error, Result};
+use crate::error::{CameraError, Error, Result};
 use crate::ground::Plane;
 
 /// Parts in which the circle of the horizon's directions is looked at.
@@ -16,8 +16,8 @@ impl Camera {
     /// nothing where the camera does not see it.
     ///
     /// # Errors
-    /// [`Error::Tracing`] for a tolerance below 0.001 pixel, [`Error::Winding`] for a horizon that no reasonable number
-    /// of points follows.
+    /// [`CameraError::Tracing`] for a tolerance below 0.001 pixel, [`CameraError::Winding`] for a horizon that no
+    /// reasonable number of points follows.
     pub fn horizon(&self, plane: &Plane, tolerance: f64) -> Result<Vec<Vec<[f64; 2]>>> {
         check_tracing(0.0, tolerance)?;
         let mut tracer = Tracer::new(self.image_size(), 0.0, tolerance);
@@ -46,10 +46,10 @@ impl Camera {
     /// horizon lies at infinity.
     ///
     /// # Errors
-    /// [`Error::Horizon`] behind a lens, which bends it.
+    /// [`CameraError::Horizon`] behind a lens, which bends it.
     pub fn horizon_line(&self, plane: &Plane) -> Result<Option<[f64; 3]>> {
         if let Some(lens) = self.lens() {
-            return Err(Error::Horizon { lens: lens.name() });
+            return Err(Error::Camera(CameraError::Horizon { lens: lens.name() }));
         }
         let inverse = self.intrinsics().try_inverse().expect("focal lengths that are not 0");
         let line = -(inverse.transpose() * (self.camera_from_vehicle().rotation() * plane.normal()));
@@ -118,6 +118,9 @@ mod tests {
             assert!(camera.unproject(middle).unwrap().dot(&plane.normal()).abs() * 400.0 < 0.2);
         }
         assert!(line.len() > 5);
-        assert!(matches!(camera.horizon_line(&plane), Err(Error::Horizon { lens: "KannalaBrandt" })));
+        assert!(matches!(
+            camera.horizon_line(&plane),
+            Err(Error::Camera(CameraError::Horizon { lens: "KannalaBrandt" }))
+        ));
     }
 }

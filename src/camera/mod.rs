@@ -1,5 +1,6 @@
 //! A calibrated camera: intrinsics, lens model, image size and pose.
 
+pub(crate) mod error;
 mod horizon;
 pub(crate) mod lens;
 mod on_ground;
@@ -18,7 +19,7 @@ pub use views::Binning;
 
 use nalgebra::{Matrix3, Vector3};
 
-use crate::error::{Error, Result, finite, radians};
+use crate::error::{CameraError, Error, Result, finite, radians};
 use crate::geometry::{OPTICAL_FROM_FLU, Pose, euler_from_rotation, rotation_from_euler};
 use crate::view::check_image_size;
 
@@ -48,7 +49,7 @@ impl Camera {
     /// A pinhole camera from its parts; `image_size` is (width, height). [`Camera::with_lens`] gives it a lens.
     ///
     /// # Errors
-    /// [`Error::ImageSize`] where the image has no pixels or too many to be addressed.
+    /// [`ViewError::ImageSize`] where the image has no pixels or too many to be addressed.
     pub fn new(model: Pinhole, image_size: (u32, u32), camera_from_vehicle: Pose) -> Result<Self> {
         check_image_size("image_size", image_size.0.into(), image_size.1.into())?;
         let vehicle_from_camera = camera_from_vehicle.inverse();
@@ -75,13 +76,13 @@ impl Camera {
             finite("position", value)?;
         }
         let rotation = OPTICAL_FROM_FLU * rotation_from_euler(roll, pitch, yaw).transpose();
-        let pose = Pose::new("camera_from_vehicle", rotation, -(rotation * Vector3::from(position)))?;
+        let pose = Pose::new(rotation, -(rotation * Vector3::from(position)))?;
         Self::new(model, image_size, pose)
     }
 
     /// The pose of a camera that stands at the vehicle's origin and looks along +x.
     pub fn forward_pose() -> Pose {
-        Pose::new("camera_from_vehicle", OPTICAL_FROM_FLU, Vector3::zeros()).expect("a permutation of axes is rigid")
+        Pose::new(OPTICAL_FROM_FLU, Vector3::zeros()).expect("a permutation of axes is rigid")
     }
 
     /// The same camera behind another lens; `None` is a pinhole.
@@ -160,7 +161,7 @@ impl Camera {
     /// `c' = (c + 0.5) s - 0.5`, per axis, as `cv2.resize` does to the picture.
     ///
     /// # Errors
-    /// [`Error::ImageSize`].
+    /// [`ViewError::ImageSize`].
     pub fn resized(&self, width: u32, height: u32) -> Result<Self> {
         check_image_size("resized", width.into(), height.into())?;
         let scale = |new: u32, old: u32| f64::from(new) / f64::from(old);
@@ -171,20 +172,20 @@ impl Camera {
     /// The camera of the `width` x `height` crop whose top-left pixel is (x, y): only the principal point moves.
     ///
     /// # Errors
-    /// [`Error::Crop`] where the rectangle is empty or leaves the image.
+    /// [`CameraError::Crop`] where the rectangle is empty or leaves the image.
     pub fn cropped(&self, x: u32, y: u32, width: u32, height: u32) -> Result<Self> {
         let (image_width, image_height) = self.image_size;
         let fits =
             |start: u32, length: u32, size: u32| length > 0 && u64::from(start) + u64::from(length) <= u64::from(size);
         if !fits(x, width, image_width) || !fits(y, height, image_height) {
-            return Err(Error::Crop {
+            return Err(Error::Camera(CameraError::Crop {
                 x: x.into(),
                 y: y.into(),
                 crop_width: width.into(),
                 crop_height: height.into(),
                 width: image_width,
                 height: image_height,
-            });
+            }));
         }
         let model = self.model.shifted(-f64::from(x), -f64::from(y));
         Ok(Self { model, image_size: (width, height), ..*self })
@@ -252,12 +253,13 @@ fn check_tracing(margin: f64, tolerance: f64) -> Result<()> {
     if (0.0..=WIDEST).contains(&margin) && (FINEST..=WIDEST).contains(&tolerance) {
         return Ok(());
     }
-    Err(Error::Tracing { margin, tolerance })
+    Err(Error::Camera(CameraError::Tracing { margin, tolerance }))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::error::ViewError;
     use crate::ground::Ground;
 
     fn seed() -> Camera {
@@ -324,9 +326,9 @@ mod tests {
         let [hu, hv] = half.project(&point).pixel;
         assert!((hu - ((u + 0.5) * 0.5 - 0.5)).abs() < 1e-9 && (hv - ((v + 0.5) * 0.25 - 0.5)).abs() < 1e-9);
         for (x, y, w, h) in [(0, 0, 0, 5), (2000, 0, 49, 5), (0, 1024, 1, 1), (u32::MAX, 0, u32::MAX, 1)] {
-            assert!(matches!(camera.cropped(x, y, w, h), Err(Error::Crop { .. })));
+            assert!(matches!(camera.cropped(x, y, w, h), Err(Error::Camera(CameraError::Crop { .. }))));
         }
-        assert!(matches!(camera.resized(0, 5), Err(Error::ImageSize { .. })));
-        assert!(matches!(camera.resized(1 << 16, 1 << 16), Err(Error::ImageSize { .. })));
+        assert!(matches!(camera.resized(0, 5), Err(Error::View(ViewError::ImageSize { .. }))));
+        assert!(matches!(camera.resized(1 << 16, 1 << 16), Err(Error::View(ViewError::ImageSize { .. }))));
     }
 }

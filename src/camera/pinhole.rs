@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use crate::error::{Error, Result};
+use crate::error::{CameraError, Error, Result};
 
 /// Pinhole intrinsics in pixels: `u = fx X/Z + skew Y/Z + cx`, `v = fy Y/Z + cy`, with (0, 0) the centre of the
 /// top-left pixel.
@@ -19,7 +19,7 @@ impl Pinhole {
     /// Intrinsics from their numbers.
     ///
     /// # Errors
-    /// [`Error::Intrinsics`] where a number is not finite or a focal length not positive.
+    /// [`CameraError::Intrinsics`] where a number is not finite or a focal length not positive.
     pub fn new(fx: f64, fy: f64, cx: f64, cy: f64, skew: f64) -> Result<Self> {
         Self::from_matrix(&Matrix3::new(fx, skew, cx, 0.0, fy, cy, 0.0, 0.0, 1.0))
     }
@@ -27,11 +27,11 @@ impl Pinhole {
     /// Intrinsics from `[[fx, skew, cx], [0, fy, cy], [0, 0, 1]]`.
     ///
     /// # Errors
-    /// [`Error::Intrinsics`].
+    /// [`CameraError::Intrinsics`].
     pub fn from_matrix(k: &Matrix3<f64>) -> Result<Self> {
         let refuse = |problem| {
             let got = std::array::from_fn(|row| std::array::from_fn(|column| k[(row, column)]));
-            Err(Error::Intrinsics { got, problem })
+            Err(Error::Camera(CameraError::Intrinsics { got, problem }))
         };
         if k.iter().any(|value| !value.is_finite()) {
             return refuse("an entry is NaN or infinite");
@@ -116,7 +116,10 @@ mod tests {
         for (index, value) in [((0, 0), 0.0), ((1, 1), -5.0), ((0, 2), f64::NAN), ((2, 2), 2.0), ((1, 0), 0.1)] {
             let mut bad = good;
             bad[index] = value;
-            assert!(matches!(Pinhole::from_matrix(&bad), Err(Error::Intrinsics { .. })), "{index:?} {value}");
+            assert!(
+                matches!(Pinhole::from_matrix(&bad), Err(Error::Camera(CameraError::Intrinsics { .. }))),
+                "{index:?} {value}"
+            );
         }
         assert!(Pinhole::from_matrix(&good.transpose()).is_err());
     }

@@ -1,7 +1,7 @@
 //! What no camera is, and what hardly any is.
 
 use super::{Camera, Lens};
-use crate::error::{Error, Result};
+use crate::error::{CameraError, Error, Result};
 use crate::finding::Finding;
 
 /// Smallest focal length that is not odd, in widths of the image: a fisheye of 360 degrees across it has 0.16.
@@ -18,14 +18,14 @@ impl Camera {
     /// a camera may rightly be odd: a crop moves the principal point out of the image.
     ///
     /// # Errors
-    /// [`Error::FocalLength`] where the focal lengths are those of a placeholder or of a normalised matrix.
+    /// [`CameraError::FocalLength`] where the focal lengths are those of a placeholder or of a normalised matrix.
     pub fn plausibility(&self) -> Result<Vec<Finding>> {
         let k = self.intrinsics();
         let (width, height) = self.image_size();
         let unit = self.lens().map_or(1.0, Lens::unit);
         let (fx, fy) = (k[(0, 0)] * unit, k[(1, 1)] * unit);
         if width.max(height) > 64 && fx.max(fy) <= 1.5 {
-            return Err(Error::FocalLength { fx, fy, width, height });
+            return Err(Error::Camera(CameraError::FocalLength { fx, fy, width, height }));
         }
         let mut findings = Vec::new();
         if width.max(height) < SMALLEST_PICTURE {
@@ -110,11 +110,11 @@ mod tests {
     fn placeholders_and_normalised_matrices_are_refused() {
         for k in [[1.0, 1.0, 0.0, 0.0], [0.9, 1.4, 0.5, 0.5]] {
             let refused = camera(k, (1280, 720), None).plausibility();
-            assert!(matches!(refused, Err(Error::FocalLength { .. })), "{k:?}");
+            assert!(matches!(refused, Err(Error::Camera(CameraError::FocalLength { .. }))), "{k:?}");
         }
         // a lens in pixels whose coefficients are normalised
         let lens = RadialPolynomial::new(&[1.05, -0.02, 0.01, 0.0], None).unwrap();
         let refused = camera([1.0, 1.0, 640.0, 360.0], (1280, 720), Some(lens.into())).plausibility();
-        assert!(matches!(refused, Err(Error::FocalLength { .. })));
+        assert!(matches!(refused, Err(Error::Camera(CameraError::FocalLength { .. }))));
     }
 }

@@ -22,8 +22,9 @@ impl Camera {
     /// lens's domain is cut off where that begins; nothing wraps. A vertex that is not finite is a gap.
     ///
     /// # Errors
-    /// [`Error::Tracing`](crate::Error::Tracing) for a tolerance below 0.001 pixel or a margin that is negative or not
-    /// finite, [`Error::Winding`](crate::Error::Winding) for an image that no reasonable number of points follows.
+    /// [`CameraError::Tracing`](crate::error::CameraError::Tracing) for a tolerance below 0.001 pixel or a margin that
+    /// is negative or not finite, [`CameraError::Winding`](crate::error::CameraError::Winding) for an image that no
+    /// reasonable number of points follows.
     pub fn project_polyline(&self, points: &[Vector3<f64>], margin: f64, tolerance: f64) -> Result<Vec<Vec<[f64; 2]>>> {
         check_tracing(margin, tolerance)?;
         let mut tracer = Tracer::new(self.image_size(), margin, tolerance);

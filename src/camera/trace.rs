@@ -1,6 +1,6 @@
 //! Images of curves, as polylines that stay within a tolerance of them.
 
-use crate::error::{Error, Result};
+use crate::error::{CameraError, Error, Result};
 use crate::parallel::check_interrupt;
 use crate::view::buffer;
 
@@ -59,7 +59,7 @@ impl Tracer {
     /// continuous but for where there is none.
     ///
     /// # Errors
-    /// [`Error::Winding`] for a curve that is not followed in any reasonable number of steps.
+    /// [`CameraError::Winding`] for a curve that is not followed in any reasonable number of steps.
     pub(super) fn curve(&mut self, parts: usize, image: &impl Fn(f64) -> Option<Pixel>) -> Result<()> {
         self.left = self.left.saturating_add(HALVINGS_A_PART * parts);
         let mut start = (0.0, image(0.0));
@@ -120,7 +120,8 @@ impl Tracer {
                 self.open = false;
                 continue;
             }
-            self.left = self.left.checked_sub(1).ok_or(Error::Winding { tolerance: self.tolerance })?;
+            self.left =
+                self.left.checked_sub(1).ok_or(Error::Camera(CameraError::Winding { tolerance: self.tolerance }))?;
             let middle = (at(0.5), between[1]);
             waiting.push((middle, end, depth - 1));
             waiting.push((start, middle, depth - 1));
@@ -228,7 +229,7 @@ mod tests {
         // in the image everywhere and nowhere smooth: digits of t, shuffled
         let noise = |t: f64| (t.to_bits().wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 40) as f64 / f64::from(1 << 24);
         let result = tracer.curve(8, &|t| Some([100.0 * noise(t), 50.0 * noise(t + 0.5)]));
-        assert!(matches!(result, Err(Error::Winding { .. })), "{result:?}");
+        assert!(matches!(result, Err(Error::Camera(CameraError::Winding { .. }))), "{result:?}");
     }
 
     #[test]

@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::{Camera, Lens, Pinhole};
-use crate::error::{Error, Result, finite, radians};
+use crate::error::{Error, PointsError, Result, finite, radians};
 use crate::geometry::OPTICAL_FROM_FLU;
 
 /// Pixels: lines that meet farther out are parallel in the image, but for rounding.
@@ -32,7 +32,7 @@ impl Camera {
     /// sin pitch cos yaw)`.
     ///
     /// # Errors
-    /// [`Error::Points`] where the lens has no direction for the pixel, [`Error::NotFinite`], and those of
+    /// [`PointsError::Unfit`] where the lens has no direction for the pixel, [`Error::NotFinite`], and those of
     /// [`Camera::from_euler`].
     pub fn from_vanishing_point(
         model: Pinhole,
@@ -50,7 +50,11 @@ impl Camera {
         let at_origin = Self::new(model, image_size, Self::forward_pose())?.with_lens(lens);
         let Some(ray) = at_origin.ray(vanishing_point) else {
             let expected = "a pixel that the lens gives a direction";
-            return Err(Error::Points { what: WHAT, expected, got: format!("{vanishing_point:?}") });
+            return Err(Error::Points(PointsError::Unfit {
+                what: WHAT,
+                expected,
+                got: format!("{vanishing_point:?}"),
+            }));
         };
         let w: Vector3<f64> = OPTICAL_FROM_FLU.transpose() * ray.normalize();
         let (sin, cos) = roll.sin_cos();
@@ -64,11 +68,11 @@ impl Camera {
     /// in both planes, of more the one with the least sum of squared sines of its angles to them.
     ///
     /// # Errors
-    /// [`Error::Points`] where there are fewer than two lines, a pixel has no direction, both of a line or all lines are in
-    /// one place, or the direction has no pixel; [`Error::NotFinite`].
+    /// [`PointsError::Unfit`] where there are fewer than two lines, a pixel has no direction, both of a line or all
+    /// lines are in one place, or the direction has no pixel; [`Error::NotFinite`].
     pub fn vanishing_point(&self, lines: &[[[f64; 2]; 2]]) -> Result<[f64; 2]> {
         const WHAT: &str = "lines";
-        let refuse = |expected, got| Err(Error::Points { what: WHAT, expected, got });
+        let refuse = |expected, got| Err(Error::Points(PointsError::Unfit { what: WHAT, expected, got }));
         if lines.len() < 2 {
             return refuse("at least two", lines.len().to_string());
         }
@@ -135,7 +139,7 @@ mod tests {
             assert!(matches!(camera.vanishing_point(&[lines[0], [[0.0; 2], off]]), Err(Error::NotFinite { .. })));
         }
         let outside = [[-4000.0, 3000.0], [600.0, 300.0]];
-        assert!(matches!(bent.vanishing_point(&[outside, outside]), Err(Error::Points { .. })));
+        assert!(matches!(bent.vanishing_point(&[outside, outside]), Err(Error::Points(PointsError::Unfit { .. }))));
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! The camera of another rendering of the same image: binned, turned, mirrored.
 
 use super::{BrownConrady, Camera, Lens, Mei, Ocam};
-use crate::error::{Error, Result};
+use crate::error::{CameraError, Error, Result};
 use crate::view::check_image_size;
 
 /// Where the centre of a block of pixels lies.
@@ -20,11 +20,11 @@ impl Camera {
     /// left out.
     ///
     /// # Errors
-    /// [`Error::Binning`] where a block has no pixels, or is larger than the image.
+    /// [`CameraError::Binning`] where a block has no pixels, or is larger than the image.
     pub fn binned(&self, x: u32, y: u32, rule: Binning) -> Result<Self> {
         let (width, height) = self.image_size();
         if x == 0 || y == 0 || x > width || y > height {
-            return Err(Error::Binning { x: x.into(), y: y.into(), width, height });
+            return Err(Error::Camera(CameraError::Binning { x: x.into(), y: y.into(), width, height }));
         }
         let size = check_image_size("binned", (width / x).into(), (height / y).into())?;
         let (sx, sy) = (1.0 / f64::from(x), 1.0 / f64::from(y));
@@ -153,7 +153,7 @@ mod tests {
         let camera = cameras()[0];
         assert_eq!(camera.binned(1, 1, Binning::Area).unwrap(), camera);
         for (x, y) in [(0, 1), (1, 0), (641, 1), (1, 481)] {
-            assert!(matches!(camera.binned(x, y, Binning::Area), Err(Error::Binning { .. })));
+            assert!(matches!(camera.binned(x, y, Binning::Area), Err(Error::Camera(CameraError::Binning { .. }))));
         }
     }
 }

@@ -6,7 +6,7 @@ use super::kernels::{self, PinholePoints, PinholeRays, Planar, PointsRow, Rotate
 use super::rays::{self, PixelRays, Viewpoint};
 use crate::camera::Camera;
 use crate::cpu::Isa;
-use crate::error::{Error, Result};
+use crate::error::{CloudError, Error, Result, ViewError};
 use crate::geometry::Pose;
 use crate::parallel::{self, Work};
 use crate::view::buffer;
@@ -48,7 +48,7 @@ impl Default for DepthOptions {
 
 impl DepthOptions {
     fn check(&self) -> Result<()> {
-        let refuse = |what, expected, got| Err(Error::DepthLimit { what, expected, got });
+        let refuse = |what, expected, got| Err(Error::Cloud(CloudError::DepthLimit { what, expected, got }));
         if !(self.scale > 0.0 && self.scale.is_finite()) {
             return refuse("depth_scale", "a positive number of metres per unit", self.scale);
         }
@@ -108,8 +108,9 @@ pub fn points_size((width, height): (usize, usize), stride: usize) -> (usize, us
 /// depth is not positive, not finite or outside the limits, where the mask is 0, and where the lens sees nothing.
 ///
 /// # Errors
-/// [`Error::DepthLimit`], [`Error::DepthSize`], [`Error::DepthChannels`], [`Error::TooManyPoints`],
-/// [`Error::OutputShape`], [`Error::Threads`], [`Error::Isa`] and [`Error::OutOfMemory`], before anything is written.
+/// [`CloudError::DepthLimit`], [`CloudError::DepthSize`], [`CloudError::DepthChannels`], [`CloudError::TooManyPoints`],
+/// [`ViewError::OutputShape`], [`ThreadsError::Zero`](crate::error::ThreadsError::Zero),
+/// [`IsaError`](crate::error::IsaError) and [`Error::OutOfMemory`], before anything is written.
 pub fn points_from_depth_into<'a, D: DepthRows, O: PointSample>(
     depth: &D,
     viewpoint: impl Into<Viewpoint<'a>>,
@@ -121,7 +122,7 @@ pub fn points_from_depth_into<'a, D: DepthRows, O: PointSample>(
     let job = Job::new(depth, viewpoint.into(), frame_from_camera, mask, options)?;
     let (width, height) = job.size;
     if out.shape() != (height, width, 3) {
-        return Err(Error::OutputShape { expected: (height, width, 3), got: out.shape() });
+        return Err(Error::View(ViewError::OutputShape { expected: (height, width, 3), got: out.shape() }));
     }
     let band = parallel::rows_per_band(height, width, job.threads);
     parallel::for_each(job.threads, out.bands(band), |(first, rows)| {
@@ -222,21 +223,21 @@ impl<'a, D: DepthRows> Job<'a, D> {
         options.check()?;
         for channels in [Some(depth.channels()), mask.map(ImageView::channels)].into_iter().flatten() {
             if channels != 1 {
-                return Err(Error::DepthChannels { expected: 1, got: channels });
+                return Err(Error::Cloud(CloudError::DepthChannels { expected: 1, got: channels }));
             }
         }
         let got = depth.size();
         let expected = (camera.image_size().0 as usize, camera.image_size().1 as usize);
         if got != expected {
-            return Err(Error::DepthSize { expected, got });
+            return Err(Error::Cloud(CloudError::DepthSize { expected, got }));
         }
         if let Some(mask) = mask
             && (mask.width(), mask.height()) != got
         {
-            return Err(Error::MaskSize { expected: got, got: (mask.width(), mask.height()) });
+            return Err(Error::Cloud(CloudError::MaskSize { expected: got, got: (mask.width(), mask.height()) }));
         }
         let size = points_size(got, options.stride);
-        super::check_points("depth", size, "use stride or camera.cropped()")?;
+        super::check_points("depth", size)?;
         let rotation = frame_from_camera.rotation();
         Ok(Self {
             depth,

@@ -6,7 +6,7 @@
 use super::back_project::DepthRows;
 use super::kernels::{self, Decode, Encode};
 use crate::cpu::Isa;
-use crate::error::{Error, Result};
+use crate::error::{CloudError, Error, Result, ViewError};
 use crate::parallel::{self, Work};
 use crate::view::{ImageView, ImageViewMut, PointSample};
 
@@ -76,7 +76,8 @@ impl DepthUnit {
 /// Decodes an image of 3 or 4 channels into one of float32. Every value is the exact one rounded once.
 ///
 /// # Errors
-/// [`Error::DepthChannels`], [`Error::OutputShape`], [`Error::Threads`] and [`Error::Isa`], before anything is written.
+/// [`CloudError::DepthChannels`], [`ViewError::OutputShape`], [`ThreadsError::Zero`](crate::error::ThreadsError::Zero)
+/// and [`IsaError`](crate::error::IsaError), before anything is written.
 pub fn decode_carla_depth_into(
     image: &ImageView<'_, u8>,
     order: ChannelOrder,
@@ -85,11 +86,11 @@ pub fn decode_carla_depth_into(
     threads: Option<usize>,
 ) -> Result<()> {
     if image.channels() != order.channels() {
-        return Err(Error::DepthChannels { expected: order.channels(), got: image.channels() });
+        return Err(Error::Cloud(CloudError::DepthChannels { expected: order.channels(), got: image.channels() }));
     }
     let expected = (image.height(), image.width(), 1);
     if out.shape() != expected {
-        return Err(Error::OutputShape { expected, got: out.shape() });
+        return Err(Error::View(ViewError::OutputShape { expected, got: out.shape() }));
     }
     let (isa, threads) = (Isa::active()?, Work::bytes(image.width() * image.height() * 8).threads(threads)?);
     let band = parallel::rows_per_band(image.height(), image.width(), threads);
@@ -125,10 +126,10 @@ impl<'a> CarlaDepth<'a> {
     /// An image of 3 or 4 channels.
     ///
     /// # Errors
-    /// [`Error::DepthChannels`].
+    /// [`CloudError::DepthChannels`].
     pub fn new(image: &'a ImageView<'a, u8>, order: ChannelOrder) -> Result<Self> {
         if image.channels() != order.channels() {
-            return Err(Error::DepthChannels { expected: order.channels(), got: image.channels() });
+            return Err(Error::Cloud(CloudError::DepthChannels { expected: order.channels(), got: image.channels() }));
         }
         Ok(Self { image, order })
     }
@@ -155,8 +156,9 @@ impl DepthRows for CarlaDepth<'_> {
 /// can say, as CARLA's sky.
 ///
 /// # Errors
-/// [`Error::DepthChannels`], [`Error::OutputShape`], [`Error::Threads`] and [`Error::Isa`] before anything is written;
-/// [`Error::NegativeDepth`] where a number is negative or NaN, after.
+/// [`CloudError::DepthChannels`], [`ViewError::OutputShape`], [`ThreadsError::Zero`](crate::error::ThreadsError::Zero)
+/// and [`IsaError`](crate::error::IsaError) before anything is written; [`CloudError::NegativeDepth`] where a number is
+/// negative or NaN, after.
 pub fn encode_carla_depth_into<T: PointSample>(
     depth: &ImageView<'_, T>,
     order: ChannelOrder,
@@ -165,11 +167,11 @@ pub fn encode_carla_depth_into<T: PointSample>(
     threads: Option<usize>,
 ) -> Result<()> {
     if depth.channels() != 1 {
-        return Err(Error::DepthChannels { expected: 1, got: depth.channels() });
+        return Err(Error::Cloud(CloudError::DepthChannels { expected: 1, got: depth.channels() }));
     }
     let expected = (depth.height(), depth.width(), order.channels());
     if out.shape() != expected {
-        return Err(Error::OutputShape { expected, got: out.shape() });
+        return Err(Error::View(ViewError::OutputShape { expected, got: out.shape() }));
     }
     let (isa, threads) = (Isa::active()?, Work::bytes(depth.width() * depth.height() * 8).threads(threads)?);
     let scale = LARGEST / unit.largest();
@@ -201,7 +203,7 @@ pub fn encode_carla_depth_into<T: PointSample>(
     };
     // another thread may have mended the image meanwhile: then there is nothing to complain about but the race
     let (x, y) = pixels.clone().find(wrong).unwrap_or_default();
-    Err(Error::NegativeDepth { got: depth.pixel(x, y)[0].to_f64(), row: y, column: x })
+    Err(Error::Cloud(CloudError::NegativeDepth { got: depth.pixel(x, y)[0].to_f64(), row: y, column: x }))
 }
 
 #[cfg(test)]
@@ -261,7 +263,13 @@ mod tests {
         };
         assert_eq!(encode([1e9, f64::INFINITY]), Ok([255; 6]));
         assert_eq!(encode([-0.0, 1000.0 / LARGEST]), Ok([0, 0, 0, 1, 0, 0]));
-        assert_eq!(encode([1.0, -1e-9]), Err(Error::NegativeDepth { got: -1e-9, row: 0, column: 1 }));
-        assert!(matches!(encode([f64::NAN, 1.0]), Err(Error::NegativeDepth { row: 0, column: 0, .. })));
+        assert_eq!(
+            encode([1.0, -1e-9]),
+            Err(Error::Cloud(CloudError::NegativeDepth { got: -1e-9, row: 0, column: 1 }))
+        );
+        assert!(matches!(
+            encode([f64::NAN, 1.0]),
+            Err(Error::Cloud(CloudError::NegativeDepth { row: 0, column: 0, .. }))
+        ));
     }
 }

@@ -6,7 +6,7 @@
 
 use nalgebra::Matrix3;
 
-use crate::error::{Error, Result};
+use crate::error::{CloudError, Error, Result};
 use crate::parallel::check_interrupt;
 use crate::view::buffer;
 use crate::view::{ImageView, PointSample};
@@ -27,7 +27,7 @@ pub struct LidarPoints<T> {
 /// `max_depth`, and NaN, stay. The input is left alone, which the original changes.
 ///
 /// # Errors
-/// [`Error::Singular`], [`Error::DepthChannels`] and [`Error::OutOfMemory`].
+/// [`CloudError::Singular`], [`CloudError::DepthChannels`] and [`Error::OutOfMemory`].
 pub fn depth_to_lidar<T: PointSample>(
     normalized: &ImageView<'_, T>,
     k: &Matrix3<f64>,
@@ -59,7 +59,7 @@ pub fn depth_to_lidar<T: PointSample>(
 /// and its `y * width + x`.
 ///
 /// # Errors
-/// [`Error::Singular`], [`Error::DepthChannels`] and [`Error::OutOfMemory`].
+/// [`CloudError::Singular`], [`CloudError::DepthChannels`] and [`Error::OutOfMemory`].
 pub fn carla_084_points<T: PointSample>(
     normalized: &ImageView<'_, T>,
     k: &Matrix3<f64>,
@@ -86,10 +86,10 @@ pub fn carla_084_points<T: PointSample>(
 
 fn checked<T: PointSample>(normalized: &ImageView<'_, T>, k: &Matrix3<f64>) -> Result<Matrix3<f64>> {
     if normalized.channels() != 1 {
-        return Err(Error::DepthChannels { expected: 1, got: normalized.channels() });
+        return Err(Error::Cloud(CloudError::DepthChannels { expected: 1, got: normalized.channels() }));
     }
     let inverse = k.try_inverse().filter(|inverse| inverse.iter().all(|entry| entry.is_finite()));
-    inverse.ok_or_else(|| Error::Singular { got: super::rows(k) })
+    inverse.ok_or_else(|| Error::Cloud(CloudError::Singular { got: super::rows(k) }))
 }
 
 /// Rounded to the depth's own precision, as NumPy does.

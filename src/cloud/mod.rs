@@ -3,6 +3,7 @@
 mod back_project;
 mod carla;
 mod compat;
+pub(crate) mod error;
 mod kernels;
 mod project;
 mod rays;
@@ -19,15 +20,15 @@ pub use render::{NO_POINT, RenderOptions, paint_into, render_points_into};
 use nalgebra::Matrix3;
 
 use crate::camera::Camera;
-use crate::error::{Error, Result};
+use crate::error::CloudError;
 
 /// Most points that one depth image may become, and most pixels that points may be drawn into: 2^28, 3 GiB of points.
 pub const MAX_POINTS: usize = 1 << 28;
 
 /// Refuses more, before any memory is asked for.
-pub(crate) fn check_points(what: &'static str, (width, height): (usize, usize), mend: &'static str) -> Result<()> {
+pub(crate) fn check_points(what: &'static str, (width, height): (usize, usize)) -> Result<(), CloudError> {
     let got = width.saturating_mul(height);
-    if got <= MAX_POINTS { Ok(()) } else { Err(Error::TooManyPoints { what, got, limit: MAX_POINTS, mend }) }
+    if got <= MAX_POINTS { Ok(()) } else { Err(CloudError::TooManyPoints { what, got, limit: MAX_POINTS }) }
 }
 
 /// fx, fy, cx, cy, skew.

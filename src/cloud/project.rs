@@ -4,7 +4,7 @@ use super::kernels::{self, ProjectLens, ProjectPinhole};
 use crate::camera::Camera;
 use crate::camera::lens::each_distort;
 use crate::cpu::Isa;
-use crate::error::{Error, Result};
+use crate::error::{CloudError, Error, Result};
 use crate::parallel::{self, Work};
 use crate::view::{PointSample, Strided};
 
@@ -25,7 +25,8 @@ const CHUNK: usize = 1 << 13;
 /// Projects points of the vehicle frame, in float64: what [`Camera::project`] gives for each of them, to the last bit.
 ///
 /// # Errors
-/// [`Error::PointColumns`], [`Error::PointsLength`], [`Error::Threads`] and [`Error::Isa`], before anything is written.
+/// [`CloudError::PointColumns`], [`CloudError::PointsLength`], [`ThreadsError::Zero`](crate::error::ThreadsError::Zero)
+/// and [`IsaError`](crate::error::IsaError), before anything is written.
 pub fn project_into<T: PointSample>(
     camera: &Camera,
     points: &Strided<'_, T>,
@@ -33,12 +34,12 @@ pub fn project_into<T: PointSample>(
     threads: Option<usize>,
 ) -> Result<()> {
     if points.columns() < 3 {
-        return Err(Error::PointColumns { expected: 3, got: points.columns(), mend: "" });
+        return Err(Error::Cloud(CloudError::PointColumns { expected: 3, got: points.columns() }));
     }
     let expected = points.rows();
     for (what, got) in [("uv", out.uv.len()), ("depth", out.depth.len()), ("valid", out.valid.len())] {
         if got != expected {
-            return Err(Error::PointsLength { what, expected, got });
+            return Err(Error::Cloud(CloudError::PointsLength { what, expected, got }));
         }
     }
     let (isa, threads) = (Isa::active()?, Work::bytes(expected.saturating_mul(32)).threads(threads)?);
@@ -189,6 +190,6 @@ mod tests {
         let (mut uv, mut depth, mut valid) = ([[0.0; 2]; 3], [0.0; 2], [false; 3]);
         let out = Projections { uv: &mut uv, depth: &mut depth, valid: &mut valid };
         let got = project_into(&camera(), &points, out, None);
-        assert_eq!(got, Err(Error::PointsLength { what: "depth", expected: 3, got: 2 }));
+        assert_eq!(got, Err(Error::Cloud(CloudError::PointsLength { what: "depth", expected: 3, got: 2 })));
     }
 }

@@ -18,11 +18,11 @@ impl PixelRays {
     /// The rays of every pixel.
     ///
     /// # Errors
-    /// [`Error::TooManyPoints`](crate::Error::TooManyPoints), [`Error::Threads`](crate::Error::Threads) and
-    /// [`Error::OutOfMemory`](crate::Error::OutOfMemory).
+    /// [`CloudError::TooManyPoints`](crate::error::CloudError::TooManyPoints),
+    /// [`ThreadsError::Zero`](crate::error::ThreadsError::Zero) and [`Error::OutOfMemory`](crate::Error::OutOfMemory).
     pub fn new(camera: &Camera, threads: Option<usize>) -> Result<Self> {
         let (width, height) = (camera.image_size().0 as usize, camera.image_size().1 as usize);
-        super::check_points("camera", (width, height), "use camera.resized()")?;
+        super::check_points("camera", (width, height))?;
         let threads = Work::bytes(width * height * 256).threads(threads)?;
         let column = || buffer::zeroed("rays", width * height);
         let mut rays = [column()?, column()?, column()?];

@@ -6,7 +6,7 @@ use super::project::project_chunk;
 use super::{DepthKind, Projections};
 use crate::camera::Camera;
 use crate::cpu::Isa;
-use crate::error::{Error, Result};
+use crate::error::{CloudError, Error, Result, ViewError};
 use crate::parallel::{self, Work};
 use crate::view::buffer;
 use crate::view::{ImageView, ImageViewMut, PointSample, Sample, Strided};
@@ -53,7 +53,8 @@ impl Default for RenderOptions {
 /// an image of one channel of the camera's size. A point falls on the pixel that its own rounds to, halves to even.
 ///
 /// # Errors
-/// [`Error::DepthLimit`], [`Error::OutputShape`], [`Error::TooManyPoints`], [`Error::Threads`], [`Error::Isa`] and
+/// [`CloudError::DepthLimit`], [`ViewError::OutputShape`], [`CloudError::TooManyPoints`],
+/// [`ThreadsError::Zero`](crate::error::ThreadsError::Zero), [`IsaError`](crate::error::IsaError) and
 /// [`Error::OutOfMemory`], before anything is written.
 pub fn render_points_into<T: PointSample>(
     camera: &Camera,
@@ -65,14 +66,14 @@ pub fn render_points_into<T: PointSample>(
     let (width, height) = (camera.image_size().0 as usize, camera.image_size().1 as usize);
     for got in [depth.shape(), index.shape()] {
         if got != (height, width, 1) {
-            return Err(Error::OutputShape { expected: (height, width, 1), got });
+            return Err(Error::View(ViewError::OutputShape { expected: (height, width, 1), got }));
         }
     }
-    super::check_points("camera", (width, height), "use camera.resized()")?;
+    super::check_points("camera", (width, height))?;
     let splat = Splat::new(options, width.max(height))?;
     if points.rows() > u32::MAX as usize {
         let (got, limit) = (points.rows(), u32::MAX as usize);
-        return Err(Error::TooManyPoints { what: "points", got, limit, mend: "draw them in parts" });
+        return Err(Error::Cloud(CloudError::TooManyPoints { what: "points", got, limit }));
     }
     let isa = Isa::active()?;
     let threads = Work::bytes(points.rows().saturating_mul(64) + width * height).threads(options.threads)?;
@@ -123,7 +124,7 @@ struct Splat {
 
 impl Splat {
     fn new(options: &RenderOptions, largest: usize) -> Result<Self> {
-        let refuse = |what, expected, got| Err(Error::DepthLimit { what, expected, got });
+        let refuse = |what, expected, got| Err(Error::Cloud(CloudError::DepthLimit { what, expected, got }));
         let &RenderOptions { radius, min_depth, max_depth, .. } = options;
         if !(radius >= 0.0 && radius <= largest as f64) {
             return refuse("radius", "pixels from 0, at most those of the image's longer side", radius);
@@ -210,7 +211,8 @@ impl Canvas<'_> {
 /// border value, one number for each channel, where it names none.
 ///
 /// # Errors
-/// [`Error::OutputShape`], [`Error::BorderChannels`] and [`Error::Threads`], before anything is written.
+/// [`ViewError::OutputShape`], [`ViewError::BorderChannels`] and
+/// [`ThreadsError::Zero`](crate::error::ThreadsError::Zero), before anything is written.
 pub fn paint_into<T: Sample>(
     index: &ImageView<'_, i64>,
     values: Option<&ImageView<'_, T>>,
@@ -220,11 +222,11 @@ pub fn paint_into<T: Sample>(
 ) -> Result<()> {
     let channels = values.map_or(border_value.len(), ImageView::channels);
     if border_value.len() != channels {
-        return Err(Error::BorderChannels { expected: channels, got: border_value.len() });
+        return Err(Error::View(ViewError::BorderChannels { expected: channels, got: border_value.len() }));
     }
     let expected = (index.height(), index.width(), channels);
     if out.shape() != expected {
-        return Err(Error::OutputShape { expected, got: out.shape() });
+        return Err(Error::View(ViewError::OutputShape { expected, got: out.shape() }));
     }
     let threads = Work::bytes(index.width() * index.height() * (8 + channels * size_of::<T>())).threads(threads)?;
     let band = parallel::rows_per_band(index.height(), index.width(), threads);

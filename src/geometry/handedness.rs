@@ -56,7 +56,7 @@ mod tests {
 
     #[test]
     fn a_mirrored_pose_moves_mirrored_points() {
-        let pose = Pose::new("pose", rotation_from_euler(0.1, 0.2, 0.3), Vector3::new(1.0, 2.0, 3.0)).unwrap();
+        let pose = Pose::new(rotation_from_euler(0.1, 0.2, 0.3), Vector3::new(1.0, 2.0, 3.0)).unwrap();
         let point = Vector3::new(-4.0, 5.0, 6.0);
         let expected = flip_handedness_point(pose.transform(&point));
         let got = flip_handedness_pose(&pose).transform(&flip_handedness_point(point));

@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, Matrix3, SMatrix, SVector, Vector3};
 
-use crate::error::{Error, Result, finite};
+use crate::error::{Error, PointsError, Result, finite};
 use crate::parallel::check_interrupt;
 use crate::view::buffer;
 
@@ -35,12 +35,12 @@ pub struct GroundHomography {
 /// Levenberg-Marquardt on the distances in the image.
 ///
 /// # Errors
-/// [`Error::Points`] where there are fewer than four pairs, where all points but one lie on a line (three of four), or
-/// two of four coincide, and where no camera has all of them before it; [`Error::NotFinite`].
+/// [`PointsError::Unfit`] where there are fewer than four pairs, where all points but one lie on a line (three of
+/// four), or two of four coincide, and where no camera has all of them before it; [`Error::NotFinite`].
 pub fn homography_from_points(image: &[[f64; 2]], ground: &[[f64; 2]]) -> Result<GroundHomography> {
     if image.len() != ground.len() {
         let got = format!("{} and {} points", image.len(), ground.len());
-        return Err(Error::Points { what: "image_points, ground_points", expected: "pairs", got });
+        return Err(Error::Points(PointsError::Unfit { what: "image_points, ground_points", expected: "pairs", got }));
     }
     for (what, points) in [("image_points", image), ("ground_points", ground)] {
         for &value in points.iter().flatten() {
@@ -48,7 +48,7 @@ pub fn homography_from_points(image: &[[f64; 2]], ground: &[[f64; 2]]) -> Result
         }
         if points.len() < 4 {
             let got = format!("{}", points.len());
-            return Err(Error::Points { what, expected: "at least four points", got });
+            return Err(Error::Points(PointsError::Unfit { what, expected: "at least four points", got }));
         }
     }
     let (image, to_image) = normalised("image_points", image)?;
@@ -78,7 +78,7 @@ fn normalised(what: &'static str, points: &[[f64; 2]]) -> Result<(Vec<[f64; 2]>,
     let apart = spread > 1e-13 * centre[0].abs().max(centre[1].abs());
     if !(apart && scale.is_finite() && scale > 0.0) {
         let got = format!("{} that coincide or are beyond all measure", points.len());
-        return Err(Error::Points { what, expected: "points apart", got });
+        return Err(Error::Points(PointsError::Unfit { what, expected: "points apart", got }));
     }
     let moved = points.iter().map(|p| [0, 1].map(|axis| (p[axis] - centre[axis]) * scale));
     let moved = buffer::collected(WHAT, moved)?;
@@ -101,7 +101,7 @@ fn check_spread(what: &'static str, points: &[[f64; 2]]) -> Result<()> {
     }
     if distinct.len() < 4 {
         let got = format!("points {} and {} in the same place", twin.0, twin.1);
-        return Err(Error::Points { what, expected: "at least four different points", got });
+        return Err(Error::Points(PointsError::Unfit { what, expected: "at least four different points", got }));
     }
     // a line through all but one passes through two of any three
     for (a, b) in [(0, 1), (0, 2), (1, 2)] {
@@ -116,7 +116,11 @@ fn check_spread(what: &'static str, points: &[[f64; 2]]) -> Result<()> {
         if distinct.iter().filter(off).count() <= 1 {
             let on: Vec<_> = distinct.iter().filter(|index| !off(index)).take(8).map(usize::to_string).collect();
             let got = format!("points {} on one line", on.join(", "));
-            return Err(Error::Points { what, expected: "four points of which no three lie on a line", got });
+            return Err(Error::Points(PointsError::Unfit {
+                what,
+                expected: "four points of which no three lie on a line",
+                got,
+            }));
         }
     }
     Ok(())
@@ -144,7 +148,7 @@ fn linear(pairs: &[([f64; 2], [f64; 2])]) -> Result<Matrix3<f64>> {
     let svd = triangle.try_svd(false, true, f64::EPSILON, 1000);
     let degenerate = |got: &str| {
         let expected = "points that determine a homography";
-        Err(Error::Points { what: "image_points, ground_points", expected, got: got.to_owned() })
+        Err(Error::Points(PointsError::Unfit { what: "image_points, ground_points", expected, got: got.to_owned() }))
     };
     let Some((vectors, values)) = svd.and_then(|svd| Some((svd.v_t?, svd.singular_values))) else {
         return degenerate("equations without a solution");
@@ -176,7 +180,11 @@ fn oriented(pairs: &[([f64; 2], [f64; 2])], h: Matrix3<f64>) -> Result<Matrix3<f
     let odd = pairs.iter().enumerate().filter(|(_, pair)| (third(pair.1) > 0.0) == odd_sign);
     let odd: Vec<_> = odd.take(8).map(|(index, _)| index.to_string()).collect();
     let got = format!("points {} beyond the horizon of the others; are pairs mixed up?", odd.join(", "));
-    Err(Error::Points { what: "image_points, ground_points", expected: "points all in front of one camera", got })
+    Err(Error::Points(PointsError::Unfit {
+        what: "image_points, ground_points",
+        expected: "points all in front of one camera",
+        got,
+    }))
 }
 
 /// Levenberg-Marquardt on the sum of squared distances in the image, from a homography with 1 as its last entry, which
@@ -308,7 +316,7 @@ mod tests {
             let image = seen(&seed(), ground);
             match homography_from_points(&image, ground) {
                 Ok(found) => prop_assert!(found.errors.iter().all(|&error| error < 1e-7), "{:?}", found.errors),
-                Err(Error::Points { .. }) => {
+                Err(Error::Points(PointsError::Unfit { .. })) => {
                     // two close ones, or three all but on a line
                     let area = |a: [f64; 2], b: [f64; 2], c: [f64; 2]|
                         ((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])).abs();

@@ -1,5 +1,6 @@
 //! Rigid transforms, Euler angles and handedness: float64, column vectors, names that read `dst_from_src`.
 
+pub(crate) mod error;
 mod euler;
 mod handedness;
 mod homography;

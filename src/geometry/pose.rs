@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, Matrix4, Vector3};
 
-use crate::error::{Error, Result, finite, readable};
+use crate::error::PoseError;
 
 /// Largest |R^T R - I| of a rotation. KITTI's printed matrices are off by 8e-8; a matrix off by 1e-3 is a mistake.
 const ORTHONORMALITY: f64 = 1e-4;
@@ -21,35 +21,33 @@ pub struct Pose {
 }
 
 impl Pose {
-    /// A transform from its parts; `what` names it in errors.
+    /// A transform from its parts.
     ///
     /// # Errors
-    /// [`Error::NotFinite`], and [`Error::NotRigid`] where `|R^T R - I| > 1e-4` or `det R <= 0`.
-    pub fn new(what: &'static str, rotation: Matrix3<f64>, translation: Vector3<f64>) -> Result<Self> {
-        check_rotation(what, &rotation)?;
-        for &value in translation.iter() {
-            finite(what, value)?;
-        }
+    /// [`PoseError::NotFinite`], and [`PoseError::NotRigid`] where `|R^T R - I| > 1e-4` or `det R <= 0`.
+    pub fn new(rotation: Matrix3<f64>, translation: Vector3<f64>) -> Result<Self, PoseError> {
+        check_rotation(&rotation)?;
+        check_finite(translation.as_slice())?;
         Ok(Self { rotation, translation })
     }
 
     /// A transform from its 4x4 matrix.
     ///
     /// # Errors
-    /// Those of [`Pose::new`], and [`Error::LastRow`] where the last row is not (0, 0, 0, 1).
-    pub fn from_matrix(what: &'static str, matrix: &Matrix4<f64>) -> Result<Self> {
-        let (rotation, translation) = parts(what, matrix)?;
-        Self::new(what, rotation, translation)
+    /// Those of [`Pose::new`], and [`PoseError::LastRow`] where the last row is not (0, 0, 0, 1).
+    pub fn from_matrix(matrix: &Matrix4<f64>) -> Result<Self, PoseError> {
+        let (rotation, translation) = parts(matrix)?;
+        Self::new(rotation, translation)
     }
 
     /// A transform from a 4x4 matrix whose rotation was written with two or three digits: with the nearest rotation, that
     /// of its singular value decomposition.
     ///
     /// # Errors
-    /// Those of [`Pose::from_matrix`], [`Error::NotRigid`] where `|R^T R - I| > 3e-2` or `det R <= 0`.
-    pub fn nearest(what: &'static str, matrix: &Matrix4<f64>) -> Result<Self> {
-        let (rotation, translation) = parts(what, matrix)?;
-        Self::new(what, nearest_rotation(what, &rotation)?, translation)
+    /// Those of [`Pose::from_matrix`], [`PoseError::NotRigid`] where `|R^T R - I| > 3e-2` or `det R <= 0`.
+    pub fn nearest(matrix: &Matrix4<f64>) -> Result<Self, PoseError> {
+        let (rotation, translation) = parts(matrix)?;
+        Self::new(nearest_rotation(&rotation)?, translation)
     }
 
     /// The 3x3 rotation, as given.
@@ -100,40 +98,40 @@ impl Pose {
 }
 
 /// R and t of a 4x4 matrix.
-fn parts(what: &'static str, matrix: &Matrix4<f64>) -> Result<(Matrix3<f64>, Vector3<f64>)> {
+fn parts(matrix: &Matrix4<f64>) -> Result<(Matrix3<f64>, Vector3<f64>), PoseError> {
     let last: [f64; 4] = std::array::from_fn(|column| matrix[(3, column)]);
     if last == [0.0, 0.0, 0.0, 1.0] {
         return Ok((matrix.fixed_view::<3, 3>(0, 0).into(), matrix.fixed_view::<3, 1>(0, 3).into()));
     }
     let is_transposed = (0..3).all(|row| matrix[(row, 3)] == 0.0) && matrix[(3, 3)] == 1.0;
-    let mend = if is_transposed {
-        "it is transposed (row vectors): give its transpose, .T"
-    } else {
-        "give the pose alone, [R t] above [0, 0, 0, 1], without K or a scale"
-    };
-    Err(Error::LastRow { what, got: last, mend })
+    Err(PoseError::LastRow { got: last, is_transposed })
 }
 
 /// The rotation nearest to a matrix that nearly is one.
-fn nearest_rotation(what: &'static str, matrix: &Matrix3<f64>) -> Result<Matrix3<f64>> {
-    check_within(what, matrix, FEW_DIGITS)?;
+fn nearest_rotation(matrix: &Matrix3<f64>) -> Result<Matrix3<f64>, PoseError> {
+    check_within(matrix, FEW_DIGITS)?;
     let svd = matrix.svd(true, true);
     let (Some(u), Some(v_t)) = (svd.u, svd.v_t) else { unreachable!("asked for both") };
     Ok(u * v_t)
 }
 
-/// Refuses what is not a rotation; `what` is its name in the error.
+/// Refuses what is not a rotation.
 ///
 /// # Errors
-/// [`Error::NotRigid`] and [`Error::NotFinite`].
-pub fn check_rotation(what: &'static str, rotation: &Matrix3<f64>) -> Result<()> {
-    check_within(what, rotation, ORTHONORMALITY)
+/// [`PoseError::NotRigid`] and [`PoseError::NotFinite`].
+pub fn check_rotation(rotation: &Matrix3<f64>) -> Result<(), PoseError> {
+    check_within(rotation, ORTHONORMALITY)
 }
 
-fn check_within(what: &'static str, rotation: &Matrix3<f64>, tolerance: f64) -> Result<()> {
-    for &value in rotation.iter() {
-        finite(what, value)?;
+fn check_finite(entries: &[f64]) -> Result<(), PoseError> {
+    match entries.iter().find(|entry| !entry.is_finite()) {
+        Some(&got) => Err(PoseError::NotFinite { got }),
+        None => Ok(()),
     }
+}
+
+fn check_within(rotation: &Matrix3<f64>, tolerance: f64) -> Result<(), PoseError> {
+    check_finite(rotation.as_slice())?;
     let gram = rotation.transpose() * rotation;
     let deviation = (gram - Matrix3::identity()).abs().max();
     let det = rotation.determinant();
@@ -142,21 +140,13 @@ fn check_within(what: &'static str, rotation: &Matrix3<f64>, tolerance: f64) -> 
     }
     let scale = (gram.trace() / 3.0).sqrt();
     let is_scaled = (gram / (scale * scale) - Matrix3::identity()).abs().max() <= ORTHONORMALITY;
-    let mut mends = Vec::new();
-    if det <= 0.0 && (deviation <= FEW_DIGITS || is_scaled) {
-        mends.push("one of its two frames is left-handed: mirror that one, T @ diag(1, -1, 1, 1) for the source frame or diag(1, -1, 1, 1) @ T for the destination".to_owned());
-    }
-    if is_scaled && deviation > ORTHONORMALITY {
-        mends.push(format!("a scale is mixed in: divide R by {} and look at the units of t", readable(scale)));
-    }
-    if mends.is_empty() || det > 0.0 {
-        if deviation <= FEW_DIGITS {
-            mends.push("if it was written with few digits, pass nearest_rotation=True where a camera takes its pose, or give U V^T of its singular value decomposition".to_owned());
-        } else if mends.is_empty() {
-            mends.push("check the order of its entries (row by row), and that it is R and not K R".to_owned());
-        }
-    }
-    Err(Error::NotRigid { what, deviation, det, mend: mends.join("; ") })
+    Err(PoseError::NotRigid {
+        deviation,
+        det,
+        scale: (is_scaled && deviation > ORTHONORMALITY).then_some(scale),
+        is_mirrored: det <= 0.0 && (deviation <= FEW_DIGITS || is_scaled),
+        is_coarse: deviation <= FEW_DIGITS,
+    })
 }
 
 #[cfg(test)]
@@ -167,7 +157,7 @@ mod tests {
     #[test]
     fn inverse_undoes_also_a_coarsely_printed_rotation() {
         let coarse = rotation_from_euler(0.1, 0.2, 0.3).map(|v| (v * 1e6).round() / 1e6);
-        let pose = Pose::new("pose", coarse, Vector3::new(1.0, -2.0, 3.0)).unwrap();
+        let pose = Pose::new(coarse, Vector3::new(1.0, -2.0, 3.0)).unwrap();
         let point = Vector3::new(10.0, 20.0, 30.0);
         assert!((pose.inverse().transform(&pose.transform(&point)) - point).abs().max() < 1e-13);
         assert_eq!(pose.rotation(), &coarse);
@@ -181,9 +171,9 @@ mod tests {
             let mut matrix = Matrix4::identity();
             matrix.fixed_view_mut::<3, 3>(0, 0).copy_from(&coarse);
             matrix[(0, 3)] = 1.7;
-            let Err(refused) = Pose::from_matrix("T", &matrix) else { continue };
-            assert!(refused.to_string().contains("nearest_rotation=True"), "{refused}");
-            let pose = Pose::nearest("T", &matrix).unwrap();
+            let Err(refused) = Pose::from_matrix(&matrix) else { continue };
+            assert!(matches!(refused, PoseError::NotRigid { is_coarse: true, .. }), "{refused}");
+            let pose = Pose::nearest(&matrix).unwrap();
             let found = pose.rotation();
             assert!((found.transpose() * found - Matrix3::identity()).abs().max() < 1e-14);
             // the nearest one: R^T M is symmetric
@@ -195,36 +185,44 @@ mod tests {
     }
 
     #[test]
-    fn each_mistake_has_its_own_mend() {
+    fn what_is_known_of_a_mistake_is_told() {
         let rotation = rotation_from_euler(0.1, 0.2, 0.3);
-        let mend = |matrix: Matrix3<f64>| Pose::new("T", matrix, Vector3::zeros()).unwrap_err().to_string();
+        let told = |matrix: Matrix3<f64>| match Pose::new(matrix, Vector3::zeros()) {
+            Err(PoseError::NotRigid { scale, is_mirrored, is_coarse, .. }) => {
+                (scale.map(|scale| (scale * 1e6).round() / 1e6), is_mirrored, is_coarse)
+            }
+            other => panic!("{other:?}"),
+        };
         let mirrored = Matrix3::from_diagonal(&Vector3::new(1.0, -1.0, 1.0)) * rotation;
-        assert!(mend(mirrored).contains("left-handed") && !mend(mirrored).contains("nearest_rotation"));
-        assert!(mend(mirrored.map(|v| (v * 1e3).round() / 1e3)).contains("left-handed"));
-        assert!(mend(rotation * 1000.0).contains("divide R by 1000 "), "{}", mend(rotation * 1000.0));
-        assert!(mend(rotation * 1.002).contains("nearest_rotation=True"));
+        assert_eq!(told(mirrored), (None, true, true));
+        assert_eq!(told(mirrored.map(|v| (v * 1e3).round() / 1e3)), (None, true, true));
+        assert_eq!(told(mirrored * 5.0), (Some(5.0), true, false));
+        assert_eq!(told(rotation * 1000.0), (Some(1000.0), false, false));
+        assert_eq!(told(rotation * 1.002), (Some(1.002), false, true));
         let sheared = rotation + Matrix3::new(0.0, 0.3, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
-        assert!(mend(sheared).contains("row by row") && !mend(sheared).contains("nearest_rotation"));
+        assert_eq!(told(sheared), (None, false, false));
         for matrix in [mirrored, rotation * 1.1, sheared] {
             let mut pose = Matrix4::identity();
             pose.fixed_view_mut::<3, 3>(0, 0).copy_from(&matrix);
-            assert!(matches!(Pose::nearest("T", &pose), Err(Error::NotRigid { .. })));
+            assert!(matches!(Pose::nearest(&pose), Err(PoseError::NotRigid { .. })));
         }
-        let pose = Pose::new("T", rotation, Vector3::new(1.0, 2.0, 3.0)).unwrap().matrix();
-        assert!(Pose::from_matrix("T", &pose.transpose()).unwrap_err().to_string().contains(".T"));
-        assert!(!Pose::from_matrix("T", &(pose * 2.0)).unwrap_err().to_string().contains(".T"));
+        let pose = Pose::new(rotation, Vector3::new(1.0, 2.0, 3.0)).unwrap().matrix();
+        for (matrix, expected) in [(pose.transpose(), true), (pose * 2.0, false)] {
+            let got = Pose::from_matrix(&matrix);
+            assert!(matches!(got, Err(PoseError::LastRow { is_transposed, .. }) if is_transposed == expected));
+        }
     }
 
     #[test]
     fn refuses_scale_mirror_and_transposed_matrices() {
         let rotation = rotation_from_euler(0.1, 0.2, 0.3);
         let zero = Vector3::zeros();
-        assert!(matches!(Pose::new("T", rotation * 1.001, zero), Err(Error::NotRigid { .. })));
+        assert!(matches!(Pose::new(rotation * 1.001, zero), Err(PoseError::NotRigid { .. })));
         let mirrored = Matrix3::from_diagonal(&Vector3::new(1.0, -1.0, 1.0)) * rotation;
-        assert!(matches!(Pose::new("T", mirrored, zero), Err(Error::NotRigid { det, .. }) if det < 0.0));
-        let transposed = Pose::new("T", rotation, Vector3::new(1.0, 2.0, 3.0)).unwrap().matrix().transpose();
-        assert!(matches!(Pose::from_matrix("T", &transposed), Err(Error::LastRow { .. })));
-        assert!(matches!(Pose::new("T", rotation * f64::NAN, zero), Err(Error::NotFinite { .. })));
-        assert!(Pose::new("T", rotation * 1.00001, zero).is_ok());
+        assert!(matches!(Pose::new(mirrored, zero), Err(PoseError::NotRigid { det, .. }) if det < 0.0));
+        let transposed = Pose::new(rotation, Vector3::new(1.0, 2.0, 3.0)).unwrap().matrix().transpose();
+        assert!(matches!(Pose::from_matrix(&transposed), Err(PoseError::LastRow { .. })));
+        assert!(matches!(Pose::new(rotation * f64::NAN, zero), Err(PoseError::NotFinite { .. })));
+        assert!(Pose::new(rotation * 1.00001, zero).is_ok());
     }
 }

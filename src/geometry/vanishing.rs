@@ -2,13 +2,13 @@
 
 use nalgebra::{Matrix2, Vector2};
 
-use crate::error::{Error, Result, finite};
+use crate::error::{Error, PointsError, Result, finite};
 
 /// The pixel where lines meet: of two, their intersection; of more, the point with the least sum of squared distances
 /// from them. Each line is given by two of its points, the more apart the better.
 ///
 /// # Errors
-/// [`Error::Points`] where there are fewer than two lines, two ends of one coincide, or all are parallel;
+/// [`PointsError::Unfit`] where there are fewer than two lines, two ends of one coincide, or all are parallel;
 /// [`Error::NotFinite`].
 pub fn vanishing_point(lines: &[[[f64; 2]; 2]]) -> Result<[f64; 2]> {
     const WHAT: &str = "lines";
@@ -16,7 +16,11 @@ pub fn vanishing_point(lines: &[[[f64; 2]; 2]]) -> Result<[f64; 2]> {
         finite(WHAT, value)?;
     }
     if lines.len() < 2 {
-        return Err(Error::Points { what: WHAT, expected: "at least two", got: lines.len().to_string() });
+        return Err(Error::Points(PointsError::Unfit {
+            what: WHAT,
+            expected: "at least two",
+            got: lines.len().to_string(),
+        }));
     }
     // about their middle, so that no digits are lost to a distant origin
     let count = (2 * lines.len()) as f64;
@@ -28,7 +32,11 @@ pub fn vanishing_point(lines: &[[[f64; 2]; 2]]) -> Result<[f64; 2]> {
         let across = Vector2::new(-along.y, along.x) / along.norm();
         if !across.x.is_finite() {
             let got = format!("line {index} with both points in one place");
-            return Err(Error::Points { what: WHAT, expected: "two different points for each", got });
+            return Err(Error::Points(PointsError::Unfit {
+                what: WHAT,
+                expected: "two different points for each",
+                got,
+            }));
         }
         normal += across * across.transpose();
         right += across * across.dot(&start);
@@ -37,7 +45,7 @@ pub fn vanishing_point(lines: &[[[f64; 2]; 2]]) -> Result<[f64; 2]> {
     let determinant = normal.determinant();
     if determinant.is_nan() || determinant <= 1e-12 {
         let got = format!("{} that are parallel", lines.len());
-        return Err(Error::Points { what: WHAT, expected: "lines that meet", got });
+        return Err(Error::Points(PointsError::Unfit { what: WHAT, expected: "lines that meet", got }));
     }
     let adjugate = Matrix2::new(normal.m22, -normal.m12, -normal.m21, normal.m11);
     let point = adjugate * right / determinant + middle;

@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 
 use super::is_edge_on;
 use super::peaks::Peaks;
-use crate::error::{Error, Result, finite};
+use crate::error::{Error, GroundError, Result, finite};
 
 /// How close to a whole number of spacings a position counts as that node, so that rounding puts no sample of the map's
 /// own grid outside the map or into a neighbouring hole.
@@ -40,14 +40,14 @@ impl HeightMap {
     /// a map in the order of a `BevGrid` begins far left. NaN is a height that is not known.
     ///
     /// # Errors
-    /// [`Error::HeightMap`] where there are fewer than two nodes along an axis, another number of heights than nodes, no
-    /// known height, or a spacing of zero; [`Error::NoData`] for a number that stands for "no data" in elevation files;
-    /// [`Error::NotFinite`], [`Error::OutOfMemory`].
+    /// [`GroundError::HeightMap`] where there are fewer than two nodes along an axis, another number of heights than
+    /// nodes, no known height, or a spacing of zero; [`GroundError::NoData`] for a number that stands for "no data" in
+    /// elevation files; [`Error::NotFinite`], [`Error::OutOfMemory`].
     pub fn new(heights: Vec<f64>, columns: usize, origin: (f64, f64), spacing: (f64, f64)) -> Result<Self> {
         let rows = heights.len().checked_div(columns).unwrap_or(0);
         if rows < 2 || columns < 2 || rows * columns != heights.len() {
             let got = format!("{} heights in rows of {columns}", heights.len());
-            return Err(Error::HeightMap { expected: "at least 2 x 2 nodes", got });
+            return Err(Error::Ground(GroundError::HeightMap { expected: "at least 2 x 2 nodes", got }));
         }
         for value in [origin.0, origin.1] {
             finite("origin", value)?;
@@ -61,13 +61,19 @@ impl HeightMap {
         };
         if !apart(origin.0, spacing.0, last.0) || !apart(origin.1, spacing.1, last.1) {
             let got = format!("origin {origin:?} and spacing {spacing:?}");
-            return Err(Error::HeightMap { expected: "a spacing in metres that is not 0 and tells nodes apart", got });
+            return Err(Error::Ground(GroundError::HeightMap {
+                expected: "a spacing in metres that is not 0 and tells nodes apart",
+                got,
+            }));
         }
         super::nodata::refuse(&heights, columns)?;
         let known = heights.iter().filter(|height| !height.is_nan());
         let range = known.fold((f64::INFINITY, f64::NEG_INFINITY), |range, &z| (range.0.min(z), range.1.max(z)));
         if range.0 > range.1 {
-            return Err(Error::HeightMap { expected: "at least one known height", got: "NaN alone".to_owned() });
+            return Err(Error::Ground(GroundError::HeightMap {
+                expected: "at least one known height",
+                got: "NaN alone".to_owned(),
+            }));
         }
         let peaks = Peaks::new(&heights, columns, spacing)?;
         Ok(Self { heights, rows, columns, origin, spacing, range, peaks })

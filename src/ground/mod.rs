@@ -1,5 +1,6 @@
 //! The road: a height, a plane or a height map.
 
+pub(crate) mod error;
 mod height_map;
 mod nodata;
 mod peaks;
@@ -17,7 +18,7 @@ pub use plane::Plane;
 pub(crate) use rows::HeightRows;
 pub(crate) use sight::Sight;
 
-use crate::error::{Error, Result};
+use crate::error::{Error, GroundError, Result};
 
 /// Metres from the optical centre to a road that is seen edge-on: less is rounding, and no camera is so near.
 const EDGE_ON: f64 = 1e-6;
@@ -35,12 +36,12 @@ impl Ground {
     /// The horizontal plane z = `height`.
     ///
     /// # Errors
-    /// [`Error::Ground`].
+    /// [`GroundError::Height`].
     pub fn height(height: f64) -> Result<Self> {
         if height.abs() <= nodata::HIGHEST {
             Ok(Self::Plane(Plane::level(height)))
         } else {
-            Err(Error::Ground { got: height })
+            Err(Error::Ground(GroundError::Height { got: height }))
         }
     }
 

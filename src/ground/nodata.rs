@@ -1,6 +1,6 @@
 //! Numbers that elevation files have where they know no height.
 
-use crate::error::{Error, Result};
+use crate::error::{Error, GroundError, Result};
 
 /// Metres beyond which no height is one: far above and below every road, and below GDAL's -3.4e38, 1e20 and the like.
 pub(super) const HIGHEST: f64 = 1e5;
@@ -16,7 +16,7 @@ const NEAR: f64 = 0.25;
 /// Refuses heights (rows of `columns`) that stand for "no data" and would be taken for a road; NaN is none of them.
 ///
 /// # Errors
-/// [`Error::NoData`].
+/// [`GroundError::NoData`].
 pub(super) fn refuse(heights: &[f64], columns: usize) -> Result<()> {
     let beyond = |height: &f64| height.abs() > HIGHEST;
     if let Some(first) = heights.iter().position(beyond) {
@@ -37,7 +37,7 @@ pub(super) fn refuse(heights: &[f64], columns: usize) -> Result<()> {
 }
 
 fn error(got: f64, first: usize, columns: usize, count: usize) -> Error {
-    Error::NoData { got, row: first / columns, column: first % columns, count }
+    Error::Ground(GroundError::NoData { got, row: first / columns, column: first % columns, count })
 }
 
 #[cfg(test)]
@@ -55,7 +55,7 @@ mod tests {
     fn what_stands_for_no_data_is_told_from_heights() {
         for value in [f64::from(f32::MIN), 1e20, -1e6, f64::INFINITY, -32768.0, -9999.0, 9999.0, 32767.0, -999.0] {
             match with(value, -0.4) {
-                Err(Error::NoData { got, row: 1, column: 3, count: 1 }) => assert_eq!(got, value),
+                Err(Error::Ground(GroundError::NoData { got, row: 1, column: 3, count: 1 })) => assert_eq!(got, value),
                 other => panic!("{value}: {other:?}"),
             }
         }

@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 
 use super::is_edge_on;
 use super::nodata::HIGHEST;
-use crate::error::{Error, Result, finite};
+use crate::error::{Error, GroundError, Result, finite};
 
 /// Smallest z of a plane's unit normal: beyond it the plane stands upright to 6e-8 degrees and has no height.
 const UPRIGHT: f64 = 1e-9;
@@ -23,7 +23,7 @@ impl Plane {
     /// The plane through `point` at right angles to `normal`, which may have any length and either sign.
     ///
     /// # Errors
-    /// [`Error::NotFinite`], and [`Error::Plane`] where the normal is zero or horizontal.
+    /// [`Error::NotFinite`], and [`GroundError::Plane`] where the normal is zero or horizontal.
     pub fn new(normal: [f64; 3], point: [f64; 3]) -> Result<Self> {
         for value in normal {
             finite("normal", value)?;
@@ -36,7 +36,7 @@ impl Plane {
         let unit = (Vector3::from(normal) / largest).normalize();
         if unit.z.is_nan() || unit.z.abs() <= UPRIGHT {
             let problem = if largest == 0.0 { "a normal that is not zero," } else { "a plane that is not upright," };
-            return Err(Error::Plane { expected: problem, got: normal });
+            return Err(Error::Ground(GroundError::Plane { expected: problem, got: normal }));
         }
         let (b, c) = (-unit.x / unit.z, -unit.y / unit.z);
         Self::from_coefficients(point[2] - b * point[0] - c * point[1], b, c)
@@ -45,18 +45,19 @@ impl Plane {
     /// The plane `z = a + b x + c y`.
     ///
     /// # Errors
-    /// [`Error::NotFinite`], and [`Error::Plane`] where it is upright, or farther than 100 km above or below the vehicle.
+    /// [`Error::NotFinite`], and [`GroundError::Plane`] where it is upright, or farther than 100 km above or below the
+    /// vehicle.
     pub fn from_coefficients(a: f64, b: f64, c: f64) -> Result<Self> {
         for value in [a, b, c] {
             finite("Plane", value)?;
         }
         if a.abs() > HIGHEST {
             let expected = "a height at the vehicle of at most 100 000 m, in (a, b, c) of z = a + b x + c y,";
-            return Err(Error::Plane { expected, got: [a, b, c] });
+            return Err(Error::Ground(GroundError::Plane { expected, got: [a, b, c] }));
         }
         if b.hypot(c) > 2.0 * UPRIGHT.recip() {
             let expected = "slopes of at most 2e9, in (a, b, c) of z = a + b x + c y,";
-            return Err(Error::Plane { expected, got: [a, b, c] });
+            return Err(Error::Ground(GroundError::Plane { expected, got: [a, b, c] }));
         }
         Ok(Self { a, b, c })
     }
@@ -67,7 +68,7 @@ impl Plane {
     /// Positive slope is uphill; positive bank lifts the left side, as positive roll does.
     ///
     /// # Errors
-    /// [`Error::NotFinite`], and [`Error::Plane`] where an angle is a quarter turn or more.
+    /// [`Error::NotFinite`], and [`GroundError::Plane`] where an angle is a quarter turn or more.
     pub fn from_angles(slope: f64, bank: f64, height: f64) -> Result<Self> {
         for (what, value) in [("slope", slope), ("bank", bank), ("height", height)] {
             finite(what, value)?;
@@ -75,7 +76,7 @@ impl Plane {
         let steepest = std::f64::consts::FRAC_PI_2 - UPRIGHT;
         if slope.abs() > steepest || bank.abs() > steepest {
             let expected = "a slope and a bank of less than a quarter turn, in radians,";
-            return Err(Error::Plane { expected, got: [slope, bank, height] });
+            return Err(Error::Ground(GroundError::Plane { expected, got: [slope, bank, height] }));
         }
         Self::from_coefficients(height, slope.tan(), bank.tan())
     }
@@ -166,11 +167,11 @@ mod tests {
 
     #[test]
     fn refuses_what_has_no_height() {
-        assert!(matches!(Plane::new([0.0; 3], [0.0; 3]), Err(Error::Plane { .. })));
-        assert!(matches!(Plane::new([1.0, 2.0, 1e-12], [0.0; 3]), Err(Error::Plane { .. })));
+        assert!(matches!(Plane::new([0.0; 3], [0.0; 3]), Err(Error::Ground(GroundError::Plane { .. }))));
+        assert!(matches!(Plane::new([1.0, 2.0, 1e-12], [0.0; 3]), Err(Error::Ground(GroundError::Plane { .. }))));
         assert!(matches!(Plane::new([f64::NAN, 0.0, 1.0], [0.0; 3]), Err(Error::NotFinite { what: "normal", .. })));
         assert!(matches!(Plane::new([0.0, 0.0, 1.0], [0.0, f64::INFINITY, 0.0]), Err(Error::NotFinite { .. })));
         assert!(matches!(Plane::from_coefficients(0.0, f64::NAN, 0.0), Err(Error::NotFinite { .. })));
-        assert!(matches!(Plane::from_angles(1.6, 0.0, 0.0), Err(Error::Plane { .. })));
+        assert!(matches!(Plane::from_angles(1.6, 0.0, 0.0), Err(Error::Ground(GroundError::Plane { .. }))));
     }
 }

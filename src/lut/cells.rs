@@ -6,7 +6,7 @@ use super::build::ProjectiveRow;
 use super::{Lut, Scene};
 use crate::camera::{Camera, Projection};
 use crate::cpu::Isa;
-use crate::error::{Error, Result};
+use crate::error::{Error, PointsError, Result};
 use crate::geometry::homography_from_points;
 use crate::grid::BevGrid;
 use crate::ground::Ground;
@@ -34,8 +34,9 @@ impl Lut {
     /// the vehicle frame, and the pixels that see them. What lies beyond their horizon is invalid.
     ///
     /// # Errors
-    /// Those of [`homography_from_points`], [`Error::Points`] where the pairs make a mirror image of the road (y points
-    /// left), [`Error::ImageSize`], [`Error::OutOfMemory`] and [`Error::Isa`].
+    /// Those of [`homography_from_points`], [`PointsError::Unfit`] where the pairs make a mirror image of the road (y
+    /// points left), [`ViewError::ImageSize`](crate::error::ViewError::ImageSize), [`Error::OutOfMemory`] and
+    /// [`IsaError`](crate::error::IsaError).
     pub fn from_ground_points(
         image: &[[f64; 2]],
         ground: &[[f64; 2]],
@@ -46,11 +47,11 @@ impl Lut {
         let found = homography_from_points(image, ground)?.image_from_ground;
         // of a camera above the road, K [r1 r2 t], it is the focal lengths times the height below it
         if found.determinant() > 0.0 {
-            return Err(Error::Points {
+            return Err(Error::Points(PointsError::Unfit {
                 what: "image_points, ground_points",
                 expected: "a road seen from above, x ahead and y to the left",
                 got: "its mirror image; change the sign of y, or the order of the points".to_owned(),
-            });
+            }));
         }
         Self::from_image_from_ground(&found, grid, source)
     }

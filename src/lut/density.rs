@@ -21,7 +21,7 @@ impl Lut {
     /// cells.
     ///
     /// # Errors
-    /// [`Error::AreaSize`](crate::Error::AreaSize), [`Error::Isa`](crate::Error::Isa).
+    /// [`LutError::AreaSize`](crate::error::LutError::AreaSize), [`IsaError`](crate::error::IsaError).
     pub fn sampling_density(&self) -> Result<Vec<f32>> {
         let mut density = buffer::filled("sampling_density", 2 * self.rows() * self.columns(), f32::NAN)?;
         self.for_each_footprint(&mut density, |[ax, ay, bx, by]| [bx.hypot(by) as f32, ax.hypot(ay) as f32])?;
@@ -33,7 +33,7 @@ impl Lut {
     /// both sides of a footprint are long, and nearly the same way, so that what lies across them is not told apart.
     ///
     /// # Errors
-    /// [`Error::AreaSize`](crate::Error::AreaSize), [`Error::Isa`](crate::Error::Isa).
+    /// [`LutError::AreaSize`](crate::error::LutError::AreaSize), [`IsaError`](crate::error::IsaError).
     pub fn resolved_mask(&self, minimum: f64) -> Result<Vec<bool>> {
         let mut mask = buffer::zeroed("resolved_mask", self.rows() * self.columns())?;
         self.for_each_footprint(&mut mask, |sides| {
@@ -104,7 +104,7 @@ const BESIDE: usize = 16;
 
 impl<'a> Resolution<'a> {
     /// # Errors
-    /// [`Error::AreaSize`](crate::Error::AreaSize), [`Error::Isa`](crate::Error::Isa) and
+    /// [`LutError::AreaSize`](crate::error::LutError::AreaSize), [`IsaError`](crate::error::IsaError) and
     /// [`Error::OutOfMemory`](crate::Error::OutOfMemory).
     pub(crate) fn of(lut: &'a Lut) -> Result<Self> {
         check_sides(lut.source_size())?;

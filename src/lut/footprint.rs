@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use crate::cpu::Isa;
 use crate::cpu::for_each_isa;
-use crate::error::{Error, Result};
+use crate::error::{Error, LutError, Result};
 use crate::kernels::FRACTION_BITS;
 use crate::kernels::{Row, unpack};
 use crate::table::block::LANES;
@@ -19,7 +19,7 @@ pub(crate) fn check_sides((width, height): (u32, u32)) -> Result<()> {
     if width.max(height) < MAX_SIDE {
         return Ok(());
     }
-    Err(Error::AreaSize { width, height, limit: MAX_SIDE - 1 })
+    Err(Error::Lut(LutError::AreaSize { width, height, limit: MAX_SIDE - 1 }))
 }
 
 /// The coordinate of a cell without an image.

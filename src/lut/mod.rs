@@ -4,13 +4,14 @@ mod build;
 mod cells;
 mod density;
 mod derived;
+pub(crate) mod error;
 pub(crate) mod footprint;
 mod maps;
 mod plausibility;
 mod scene;
 
 use crate::camera::Camera;
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, TableError};
 use crate::grid::BevGrid;
 use crate::ground::Ground;
 use crate::table::Table;
@@ -50,7 +51,7 @@ impl Lut {
     /// damaged or forged, make a warp read outside an image.
     ///
     /// # Errors
-    /// [`Error::DamagedTable`](crate::Error::DamagedTable), and [`Error::OutOfMemory`](crate::Error::OutOfMemory).
+    /// [`TableError::Damaged`], and [`Error::OutOfMemory`](crate::Error::OutOfMemory).
     pub fn from_bytes(bytes: &[u8]) -> Result<Self> {
         Ok(Self::of_table(Table::from_bytes(bytes)?))
     }
@@ -108,13 +109,13 @@ impl Lut {
     /// The same table, said to be that of a scene.
     ///
     /// # Errors
-    /// [`Error::DamagedTable`] where their sizes differ.
+    /// [`TableError::Damaged`] where their sizes differ.
     pub(crate) fn with_scene(self, scene: Scene) -> Result<Self> {
         let (cells, source) = ((self.rows(), self.columns()), self.source_size());
         if (scene.grid().rows(), scene.grid().columns()) != cells
             || scene.camera().is_some_and(|camera| camera.image_size() != source)
         {
-            return Err(Error::DamagedTable { problem: "it is not the table of its camera and grid" });
+            return Err(Error::Table(TableError::Damaged { problem: "it is not the table of its camera and grid" }));
         }
         Ok(Self { scene: Some(Box::new(scene)), ..self })
     }

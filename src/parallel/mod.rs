@@ -5,6 +5,7 @@
 //! jobs begin.
 
 mod crew;
+pub(crate) mod error;
 mod interrupt;
 mod policy;
 mod pool;
@@ -16,7 +17,7 @@ pub(crate) use interrupt::check_interrupt;
 pub use interrupt::interruptible;
 pub(crate) use policy::{Work, rows_per_band};
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, ThreadsError};
 use crew::Crew;
 
 /// Threads asked for by [`set_num_threads`]; 0 before it is called.
@@ -32,11 +33,11 @@ const VARIABLE: &str = "IPM_RS_NUM_THREADS";
 /// another size end as soon as no call needs them.
 ///
 /// # Errors
-/// [`Error::Threads`] below 1, and [`Error::TooManyThreads`] above 1024.
+/// [`ThreadsError::Zero`] below 1, and [`ThreadsError::TooMany`] above 1024.
 pub fn set_num_threads(threads: usize) -> Result<()> {
     check_threads(threads)?;
     if threads > MAX_THREADS {
-        return Err(Error::TooManyThreads { got: threads, limit: MAX_THREADS });
+        return Err(Error::Threads(ThreadsError::TooMany { got: threads, limit: MAX_THREADS }));
     }
     REQUESTED.store(threads, Ordering::Relaxed);
     pool::release_unless(threads - 1);
@@ -83,7 +84,7 @@ fn threads_from(text: &str) -> Option<usize> {
 
 /// Refuses a thread count below one.
 pub(crate) fn check_threads(threads: usize) -> Result<()> {
-    if threads == 0 { Err(Error::Threads { got: threads }) } else { Ok(()) }
+    if threads == 0 { Err(Error::Threads(ThreadsError::Zero { got: threads })) } else { Ok(()) }
 }
 
 /// Runs `work` on every job, at most `threads` at once, the caller's thread among them. Jobs are handed out in order
@@ -213,8 +214,8 @@ mod tests {
 
     #[test]
     fn refuses_no_threads() {
-        assert_eq!(set_num_threads(0), Err(Error::Threads { got: 0 }));
-        assert_eq!(set_num_threads(5000), Err(Error::TooManyThreads { got: 5000, limit: 1024 }));
+        assert_eq!(set_num_threads(0), Err(Error::Threads(ThreadsError::Zero { got: 0 })));
+        assert_eq!(set_num_threads(5000), Err(Error::Threads(ThreadsError::TooMany { got: 5000, limit: 1024 })));
         assert!(num_threads() >= 1);
     }
 }

@@ -38,7 +38,7 @@ impl Work {
     /// At most how many threads to use, where the caller asked for so many, or for none in particular.
     ///
     /// # Errors
-    /// [`Error::Threads`](crate::Error::Threads) for none at all.
+    /// [`ThreadsError::Zero`] for none at all.
     pub(crate) fn threads(self, requested: Option<usize>) -> Result<usize> {
         let threads = requested.unwrap_or_else(num_threads);
         check_threads(threads)?;
@@ -72,7 +72,7 @@ pub(crate) fn rows_per_band(rows: usize, columns: usize, threads: usize) -> usiz
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::error::Error;
+    use crate::error::{Error, ThreadsError};
 
     #[test]
     fn little_work_stays_with_the_caller() {
@@ -88,7 +88,11 @@ mod tests {
             assert_eq!(work.threads(Some(7)), Ok(threads), "{work:?}");
             assert_eq!(work.threads_unasked(), if threads == 1 { 1 } else { num_threads() }, "{work:?}");
         }
-        assert_eq!(Work::bytes(1).threads(Some(0)), Err(Error::Threads { got: 0 }), "however little there is to do");
+        assert_eq!(
+            Work::bytes(1).threads(Some(0)),
+            Err(Error::Threads(ThreadsError::Zero { got: 0 })),
+            "however little there is to do"
+        );
     }
 
     #[test]

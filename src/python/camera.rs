@@ -12,6 +12,7 @@ use super::cloud;
 use super::convert::{Call, Floats, flag, float, floats, matrix_to_numpy, matrix3, matrix4, size, whole};
 use super::each::{each_projected, each_row_into};
 use super::error::classes::CalibrationError;
+use super::error::of_argument;
 use super::ground::{given_road, only_ground, road};
 use super::lens::{hash_lens, lens as lens_model, lens_to_python};
 use super::mask::mask_of;
@@ -310,5 +311,6 @@ fn pinhole(k: &Bound<'_, PyAny>) -> PyResult<Pinhole> {
 fn pose(name: &'static str, object: &Bound<'_, PyAny>, nearest: Option<&Bound<'_, PyAny>>) -> PyResult<Pose> {
     let nearest = nearest.map_or(Ok(false), |object| flag("nearest_rotation", object))?;
     let matrix = matrix4(name, object)?;
-    Ok(if nearest { Pose::nearest(name, &matrix)? } else { Pose::from_matrix(name, &matrix)? })
+    let pose = if nearest { Pose::nearest(&matrix) } else { Pose::from_matrix(&matrix) };
+    pose.map_err(|error| of_argument(name, error))
 }

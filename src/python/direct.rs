@@ -10,7 +10,9 @@ use super::layout::Layout;
 use super::maps::{MapPair, map_array};
 use super::options::{self, BorderValue};
 use super::shared;
-use crate::view::{check_cells, check_image_size};
+use crate::error::WarpError;
+use crate::table::check_cells;
+use crate::view::check_image_size;
 use crate::{
     Bilinear, BorderMode, ImageView, ImageViewMut, Interpolation, Mapping, Sample, WarpOptions, inverse_homography,
     warp_direct_into, warp_direct_nearest_into,
@@ -97,7 +99,7 @@ impl<'py> Call<'py> {
         Ok(Self {
             interpolation: match interpolation.map_or(Ok(Taken::By(Interpolation::Bilinear)), options::interpolation)? {
                 Taken::By(interpolation) => interpolation.without_table()?,
-                Taken::Mode => return Err(Interpolation::table_needed("mode").into()),
+                Taken::Mode => return Err(WarpError::NeedsTable { got: "mode" }.into()),
             },
             border_mode: border_mode.map_or(Ok(BorderMode::Constant), options::border_mode)?,
             threads: threads.map(|threads| options::thread_count("threads", threads)).transpose()?,
@@ -130,7 +132,7 @@ impl<'py> Call<'py> {
         (rows, columns): (usize, usize),
     ) -> PyResult<Bound<'py, PyAny>> {
         let py = self.image.dtype().py();
-        check_cells("out", rows as f64, columns as f64)?; // before it is allocated
+        check_cells(rows, columns)?; // before it is allocated
         let border_value = self.border_value.samples::<T>(self.image.dtype())?;
         let options = WarpOptions { border_value, threads: self.threads, ..WarpOptions::default() };
         let read = self.image.read()?;

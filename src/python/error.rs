@@ -5,7 +5,7 @@ use pyo3::types::{PyAnyMethods, PyStringMethods, PyTypeMethods};
 use pyo3::{PyErr, PyResult, Python};
 
 use super::mend::message;
-use crate::Error;
+use crate::error::{self, CameraError, CloudError, Error, PoseError, ViewError, WarpError};
 
 /// The classes of `ipm_rs.errors`: written in Python, so that each has two bases, pickles, and can be read.
 pub(super) mod classes {
@@ -75,70 +75,72 @@ pub(super) fn error_text(py: Python<'_>, error: &PyErr) -> PyResult<String> {
     })
 }
 
+/// The exception of a transform that is not rigid, which an argument is.
+pub(super) fn of_argument(name: &str, error: PoseError) -> PyErr {
+    let error = Error::from(error);
+    classes::CalibrationError::new_err(format!("{name}: {}", message(&error).trim_start_matches("pose: ")))
+}
+
 impl From<Error> for PyErr {
     fn from(error: Error) -> Self {
-        let message = message(&error);
-        match error {
-            Error::NotFinite { .. }
-            | Error::Intrinsics { .. }
-            | Error::FocalLength { .. }
-            | Error::LensCoefficients { .. }
-            | Error::LensParameter { .. }
-            | Error::LensFolds { .. }
-            | Error::Singular { .. }
-            | Error::NotRigid { .. }
-            | Error::LastRow { .. } => classes::CalibrationError::new_err(message),
-            Error::GridRange { .. }
-            | Error::CellSize { .. }
-            | Error::PartialCell { .. }
-            | Error::TooManyCells { what: "BevGrid", .. } => classes::GridError::new_err(message),
-            Error::TooManyCells { what: "rasterize", .. } => classes::ArgumentError::new_err(message),
-            Error::TooManyCells { .. }
-            | Error::MapLength { .. }
-            | Error::Homography { .. }
-            | Error::DamagedTable { .. } => classes::LutError::new_err(message),
-            Error::EmptyImage { .. }
-            | Error::ImageBuffer { .. }
-            | Error::SizeMismatch { .. }
-            | Error::Rig { .. }
-            | Error::ImageCount { .. }
-            | Error::MixedChannels { .. }
-            | Error::DepthChannels { .. }
-            | Error::NegativeDepth { .. }
-            | Error::DepthSize { .. }
-            | Error::MaskSize { .. }
-            | Error::OutputShape { .. } => classes::ImageError::new_err(message),
-            Error::Angle { .. }
-            | Error::Ground { .. }
-            | Error::Plane { .. }
-            | Error::HeightMap { .. }
-            | Error::NoData { .. }
-            | Error::Points { .. }
-            | Error::Binning { .. }
-            | Error::Tracing { .. }
-            | Error::Winding { .. }
-            | Error::Horizon { .. }
-            | Error::ImageSize { .. }
-            | Error::Crop { .. }
-            | Error::BorderChannels { .. }
-            | Error::DepthLimit { .. }
-            | Error::PointsLength { .. }
-            | Error::TooManyPoints { .. }
-            | Error::PointTable { .. }
-            | Error::PointColumns { .. }
-            | Error::PointValues { .. }
-            | Error::Slices { .. }
-            | Error::Shape { .. }
-            | Error::DensityFull { .. }
-            | Error::Threads { .. }
-            | Error::TooManyThreads { .. }
-            | Error::Interpolation { .. }
-            | Error::TooManyIds { .. }
-            | Error::AreaSize { .. }
-            | Error::Isa { .. } => classes::ArgumentError::new_err(message),
-            // who asks for it raises the exception that came of asking instead, see `signals`
-            Error::Interrupted => PyKeyboardInterrupt::new_err(message),
-            Error::OutOfMemory { .. } => classes::OutOfMemoryError::new_err(message),
-        }
+        let raise = class_of(&error);
+        raise(message(&error))
     }
 }
+
+/// What makes the exception of an error from its message.
+fn class_of(error: &Error) -> fn(String) -> PyErr {
+    use classes::{ArgumentError, CalibrationError, GridError, ImageError, LutError, OutOfMemoryError};
+    match error {
+        Error::NotFinite { .. } | Error::Pose(_) | Error::Lens(_) => CalibrationError::new_err,
+        Error::Camera(CameraError::Intrinsics { .. } | CameraError::FocalLength { .. }) => CalibrationError::new_err,
+        Error::Cloud(CloudError::Singular { .. }) => CalibrationError::new_err,
+        Error::Grid(_) => GridError::new_err,
+        Error::Table(_) | Error::Lut(error::LutError::MapLength { .. } | error::LutError::Homography { .. }) => {
+            LutError::new_err
+        }
+        Error::View(error) => match error {
+            ViewError::ImageSize { .. } | ViewError::BorderChannels { .. } | ViewError::PointTable { .. } => {
+                ArgumentError::new_err
+            }
+            ViewError::EmptyImage { .. }
+            | ViewError::ImageBuffer { .. }
+            | ViewError::SizeMismatch { .. }
+            | ViewError::OutputShape { .. } => ImageError::new_err,
+        },
+        Error::Rig(_) | Error::Warp(WarpError::ImageCount { .. } | WarpError::MixedChannels { .. }) => {
+            ImageError::new_err
+        }
+        Error::Cloud(
+            CloudError::DepthChannels { .. }
+            | CloudError::NegativeDepth { .. }
+            | CloudError::DepthSize { .. }
+            | CloudError::MaskSize { .. },
+        ) => ImageError::new_err,
+        Error::Angle { .. }
+        | Error::Points(_)
+        | Error::Camera(_)
+        | Error::Ground(_)
+        | Error::Lut(error::LutError::AreaSize { .. })
+        | Error::Warp(_)
+        | Error::Cloud(_)
+        | Error::Raster(_)
+        | Error::Threads(_)
+        | Error::Isa(_) => ArgumentError::new_err,
+        // who asks for it raises the exception that came of asking instead, see `signals`
+        Error::Interrupted => PyKeyboardInterrupt::new_err,
+        Error::OutOfMemory { .. } => OutOfMemoryError::new_err,
+    }
+}
+
+/// Errors of one concern are raised as they are.
+macro_rules! raise {
+    ($($concern:ident),*) => {$(
+        impl From<error::$concern> for PyErr {
+            fn from(error: error::$concern) -> Self {
+                Error::from(error).into()
+            }
+        }
+    )*};
+}
+raise!(CloudError, GridError, IsaError, PoseError, RasterError, TableError, ViewError, WarpError);

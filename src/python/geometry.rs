@@ -6,6 +6,7 @@ use pyo3::prelude::*;
 
 use super::convert::{Floats, float, matrix_to_numpy, matrix3, matrix4};
 use super::each::each_row;
+use super::error::of_argument;
 use crate::error::{finite, radians};
 use crate::geometry::{self, Pose};
 
@@ -48,7 +49,7 @@ pub(super) fn flip_handedness_euler(
 #[expect(non_snake_case, reason = "the field's name for a rotation")]
 pub(super) fn flip_handedness_rotation<'py>(R: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArray2<f64>>> {
     let rotation = matrix3("R", R)?;
-    geometry::check_rotation("R", &rotation)?;
+    geometry::check_rotation(&rotation).map_err(|error| of_argument("R", error))?;
     matrix_to_numpy(R.py(), &geometry::flip_handedness_rotation(&rotation))
 }
 
@@ -57,7 +58,7 @@ pub(super) fn flip_handedness_rotation<'py>(R: &Bound<'py, PyAny>) -> PyResult<B
 #[pyo3(name = "flip_handedness_pose", signature = (T))]
 #[expect(non_snake_case, reason = "the field's name for a transform")]
 pub(super) fn flip_handedness_pose<'py>(T: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-    let pose = Pose::from_matrix("T", &matrix4("T", T)?)?;
+    let pose = Pose::from_matrix(&matrix4("T", T)?).map_err(|error| of_argument("T", error))?;
     matrix_to_numpy(T.py(), &geometry::flip_handedness_pose(&pose).matrix())
 }
 

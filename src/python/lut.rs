@@ -23,6 +23,7 @@ use super::mend::message;
 use super::options::{self, BorderValue};
 use super::shared;
 use super::warnings::warn;
+use crate::error::ViewError;
 use crate::lut::Scene;
 use crate::{Bilinear, Error, ImageMask, ImageView, ImageViewMut, Interpolation, Lut, Sample, WarpOptions};
 
@@ -289,7 +290,7 @@ impl PyLut {
         if image.size() == expected {
             return Ok(());
         }
-        let error = Error::SizeMismatch { expected, got: image.size() };
+        let error: Error = ViewError::SizeMismatch { expected, got: image.size() }.into();
         let shape = image.shape();
         let other = Layout::ALL.into_iter().find(|layout| {
             layout.axes(shape.len()).is_some_and(|axes| (shape[axes.columns], shape[axes.rows]) == expected)
@@ -339,7 +340,7 @@ impl<'py> Job<'_, 'py> {
         let border_value = self.border_value.samples::<T>(self.image.dtype())?;
         let (channels, values) = (self.image.channels(), border_value.len());
         if values != 1 && values != channels {
-            return Err(Error::BorderChannels { expected: channels, got: values }.into());
+            return Err(ViewError::BorderChannels { expected: channels, got: values }.into());
         }
         let Self { interpolation, threads, .. } = self;
         let options = WarpOptions { interpolation, border_value, threads, isa: None };

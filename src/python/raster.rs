@@ -42,7 +42,7 @@ pub(super) fn rasterize<'py>(
                 return Err(ArgumentError::new_err(format!("slices: expected a list of heights, got shape {got}")));
             }
             if floats.values().is_empty() {
-                return Err(crate::Error::Slices { got: Vec::new() }.into());
+                return Err(crate::error::RasterError::Slices { got: Vec::new() }.into());
             }
             buffer::copied("slices", floats.values())?
         }

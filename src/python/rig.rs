@@ -19,9 +19,10 @@ use super::mask::mask_of;
 use super::mend::message;
 use super::options::{self, BorderValue};
 use super::shared;
+use crate::error::ViewError;
 use crate::rig::{BlendMode, Mix, RigLut, RigOptions};
 use crate::view::buffer;
-use crate::{Bilinear, Camera, Error, ImageView, ImageViewMut, Interpolation, Sample, WarpOptions};
+use crate::{Bilinear, Camera, ImageView, ImageViewMut, Interpolation, Sample, WarpOptions};
 
 #[pyclass(frozen, eq, module = "ipm_rs._core", name = "_RigTable")]
 #[derive(PartialEq)]
@@ -190,7 +191,7 @@ impl PyRigTable {
             let (width, height) = self.lut.source_size(index);
             let expected = (width as usize, height as usize);
             if image.size() != expected {
-                let problem = message(&Error::SizeMismatch { expected, got: image.size() });
+                let problem = message(&ViewError::SizeMismatch { expected, got: image.size() }.into());
                 return Err(ImageError::new_err(format!("{}: {problem}", name(index))));
             }
             let first = checked.first().unwrap_or(&image);
@@ -293,7 +294,7 @@ impl<'py> Job<'_, 'py> {
         let (rows, columns, channels) = (lut.rows(), lut.columns(), first.channels());
         let border = self.border_value.samples::<T>(first.dtype())?;
         if border.len() != 1 && border.len() != channels {
-            return Err(Error::BorderChannels { expected: channels, got: border.len() }.into());
+            return Err(ViewError::BorderChannels { expected: channels, got: border.len() }.into());
         }
         let gains = &spread("gains", self.gains.unwrap_or_default(), self.images.len(), channels)?;
         let reads = self.images.iter().map(ImageArray::read).collect::<PyResult<Vec<_>>>()?;

@@ -21,6 +21,7 @@
 //! [`SampleAt`](crate::SampleAt), which says where images are sampled.
 
 mod bands;
+pub(crate) mod error;
 mod kernels;
 mod layers;
 mod points;
@@ -32,7 +33,7 @@ pub use points::{Coordinates, Values};
 pub use shapes::{box_corners, check_polygon, draw_polygon};
 
 use crate::cpu::Isa;
-use crate::error::{Error, Result};
+use crate::error::{Error, RasterError, Result};
 use crate::grid::BevGrid;
 use crate::parallel::{self, check_interrupt};
 use crate::view::{MAX_CELLS, PointSample, Strided};
@@ -113,12 +114,12 @@ impl RasterOptions<'_> {
     fn check(&self) -> Result<()> {
         let full = self.density_full;
         if !(full > 1.0 && full.is_finite()) {
-            return Err(Error::DensityFull { got: full });
+            return Err(Error::Raster(RasterError::DensityFull { got: full }));
         }
         let ascending = self.slices.windows(2).all(|edge| edge[0] < edge[1]);
         if self.slices.len() == 1 || !ascending || !self.slices.iter().all(|edge| edge.is_finite()) {
             // no more than a message shows
-            return Err(Error::Slices { got: self.slices[..self.slices.len().min(100)].to_vec() });
+            return Err(Error::Raster(RasterError::Slices { got: self.slices[..self.slices.len().min(100)].to_vec() }));
         }
         Ok(())
     }
@@ -133,9 +134,9 @@ impl RasterOptions<'_> {
 /// each of its channels, 24 or 40 in float64), 8 bytes a cell for the top, and at most 64 MiB of points at a time.
 ///
 /// # Errors
-/// [`Error::PointColumns`], [`Error::PointValues`], [`Error::TooManyPoints`], [`Error::Slices`],
-/// [`Error::DensityFull`], [`Error::TooManyCells`], [`Error::Threads`], [`Error::OutOfMemory`]
-/// and [`Error::Isa`].
+/// [`RasterError::PointColumns`], [`RasterError::PointValues`], [`RasterError::TooManyPoints`],
+/// [`RasterError::Slices`], [`RasterError::DensityFull`], [`RasterError::TooManyCells`], [`ThreadsError::Zero`],
+/// [`Error::OutOfMemory`] and [`IsaError`](crate::error::IsaError).
 pub fn rasterize<T: PointSample>(
     points: &Strided<'_, T>,
     values: Option<&dyn Values<T>>,
@@ -182,7 +183,11 @@ fn collect<T: PointSample, R: Record<T>>(
     let cells = slices.saturating_mul(grid.rows() * grid.columns());
     if cells > MAX_CELLS {
         let rows = slices as f64 * grid.rows() as f64;
-        return Err(Error::TooManyCells { what: "rasterize", rows, columns: grid.columns() as f64, limit: MAX_CELLS });
+        return Err(Error::Raster(RasterError::TooManyCells {
+            rows,
+            columns: grid.columns() as f64,
+            limit: MAX_CELLS,
+        }));
     }
     let isa = Isa::active()?;
     let finder = Finder::new(grid, options.slices)?;
@@ -257,6 +262,7 @@ mod tests {
 
     use super::*;
     use crate::SampleAt;
+    use crate::error::ThreadsError;
 
     fn grid() -> BevGrid {
         BevGrid::new((0.0, 20.0), (-8.0, 8.0), (0.25, 0.5), SampleAt::Center).unwrap()
@@ -310,25 +316,33 @@ mod tests {
         let points = Strided::new(&cloud, 3).unwrap();
         let with = |options: RasterOptions<'_>| rasterize(&points, None, &grid(), &options).map(|_| ());
         let fresh = RasterOptions::default;
-        assert!(matches!(with(RasterOptions { slices: &[1.0, 1.0], ..fresh() }), Err(Error::Slices { .. })));
-        assert!(matches!(with(RasterOptions { density_full: 1.0, ..fresh() }), Err(Error::DensityFull { .. })));
-        assert!(matches!(with(RasterOptions { threads: Some(0), ..fresh() }), Err(Error::Threads { got: 0 })));
+        assert!(matches!(
+            with(RasterOptions { slices: &[1.0, 1.0], ..fresh() }),
+            Err(Error::Raster(RasterError::Slices { .. }))
+        ));
+        assert!(matches!(
+            with(RasterOptions { density_full: 1.0, ..fresh() }),
+            Err(Error::Raster(RasterError::DensityFull { .. }))
+        ));
+        assert!(matches!(
+            with(RasterOptions { threads: Some(0), ..fresh() }),
+            Err(Error::Threads(ThreadsError::Zero { got: 0 }))
+        ));
         let flat = Strided::new(&cloud[..20], 2).unwrap();
         assert_eq!(
             rasterize(&flat, None, &grid(), &fresh()).map(|_| ()),
-            Err(Error::PointColumns {
-                expected: 3,
-                got: 2,
-                mend: "; without z only values=, count and density can be had"
-            })
+            Err(Error::Raster(RasterError::PointColumns { expected: 3, got: 2 }))
         );
         let few = Strided::new(&cloud[..9], 1).unwrap();
         assert!(matches!(
             rasterize(&points, Some(&few), &grid(), &fresh()),
-            Err(Error::PointValues { expected: 10, .. })
+            Err(Error::Raster(RasterError::PointValues { expected: 10, .. }))
         ));
         let many = Strided::with_strides(&cloud, (1 << 31, 3), 0, (0, 1)).unwrap();
-        assert!(matches!(rasterize(&many, None, &grid(), &fresh()), Err(Error::TooManyPoints { .. })));
+        assert!(matches!(
+            rasterize(&many, None, &grid(), &fresh()),
+            Err(Error::Raster(RasterError::TooManyPoints { .. }))
+        ));
     }
 
     proptest! {

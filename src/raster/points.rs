@@ -4,7 +4,7 @@ use super::kernels::{Finder, NOWHERE, Unpack};
 use super::layers::SPARE;
 use super::{Census, MAX_POINTS, RasterOptions, Reduce, WHAT};
 use crate::cpu::{Isa, run};
-use crate::error::{Error, Result};
+use crate::error::{Error, RasterError, Result};
 use crate::view::Strided;
 use crate::view::buffer;
 use crate::view::{Cast, PointSample};
@@ -97,20 +97,17 @@ impl<T: PointSample> Source<'_, T> {
             || (self.values.is_none() && options.reduce.iter().any(|reduce| reduce.needs_values()));
         let expected = if heights { 3 } else { 2 };
         if columns < expected {
-            let mend = "; without z only values=, count and density can be had";
-            return Err(Error::PointColumns { expected, got: columns, mend });
+            return Err(Error::Raster(RasterError::PointColumns { expected, got: columns }));
         }
         if count > MAX_POINTS {
-            return Err(Error::TooManyPoints {
-                what: "points",
-                limit: MAX_POINTS,
-                got: count,
-                mend: "pass them in parts",
-            });
+            return Err(Error::Raster(RasterError::TooManyPoints { got: count, limit: MAX_POINTS }));
         }
         match self.values {
             Some(values) if values.rows() != count || values.channels() == 0 => {
-                Err(Error::PointValues { expected: count, got: (values.rows(), values.channels()) })
+                Err(Error::Raster(RasterError::PointValues {
+                    expected: count,
+                    got: (values.rows(), values.channels()),
+                }))
             }
             _ => Ok(()),
         }

@@ -1,7 +1,7 @@
 //! Boxes and polygons onto a grid: labels of the cells whose centres are inside.
 
 use super::WHAT;
-use crate::error::{Error, Result};
+use crate::error::{Error, RasterError, Result};
 use crate::grid::BevGrid;
 use crate::parallel::check_interrupt;
 use crate::view::buffer;
@@ -13,9 +13,9 @@ const FARTHEST: f64 = 1e9;
 /// positive turns left).
 ///
 /// # Errors
-/// [`Error::Shape`] for a number that is not finite or too large, or a negative size.
+/// [`RasterError::Shape`] for a number that is not finite or too large, or a negative size.
 pub fn box_corners([x, y, length, width, yaw]: [f64; 5], index: usize) -> Result<[[f64; 2]; 4]> {
-    let refuse = |problem| Err(Error::Shape { what: "boxes", index, problem });
+    let refuse = |problem| Err(Error::Raster(RasterError::Shape { what: "boxes", index, problem }));
     if ![x, y, length, width, yaw].iter().all(|number| number.is_finite()) {
         return refuse("a number that is not finite");
     }
@@ -40,7 +40,7 @@ pub fn box_corners([x, y, length, width, yaw]: [f64; 5], index: usize) -> Result
 /// right of it, as points on the edges of cells do, so polygons that share an edge share no cell and leave none out.
 ///
 /// # Errors
-/// [`Error::Shape`] for fewer than three corners, or one that is not finite or too far; then nothing is drawn.
+/// [`RasterError::Shape`] for fewer than three corners, or one that is not finite or too far; then nothing is drawn.
 ///
 /// # Panics
 /// Where `out` has another number of cells than the grid.
@@ -106,9 +106,9 @@ pub fn draw_polygon(corners: &[[f64; 2]], label: i32, grid: &BevGrid, index: usi
 /// Refuses what is no polygon.
 ///
 /// # Errors
-/// [`Error::Shape`].
+/// [`RasterError::Shape`].
 pub fn check_polygon(corners: &[[f64; 2]], index: usize) -> Result<()> {
-    let refuse = |problem| Err(Error::Shape { what: "polygons", index, problem });
+    let refuse = |problem| Err(Error::Raster(RasterError::Shape { what: "polygons", index, problem }));
     if corners.len() < 3 {
         return refuse("fewer than 3 corners");
     }
@@ -198,14 +198,14 @@ mod tests {
         let [a, ..] = box_corners([10.0, 5.0, 4.0, 2.0, std::f64::consts::FRAC_PI_2], 0).unwrap();
         assert!((a[0] - 9.0).abs() < 1e-12 && (a[1] - 7.0).abs() < 1e-12);
         for numbers in [[f64::NAN, 0.0, 1.0, 1.0, 0.0], [0.0, 0.0, -1.0, 1.0, 0.0], [1e300, 0.0, 1.0, 1.0, 0.0]] {
-            assert!(matches!(box_corners(numbers, 3), Err(Error::Shape { index: 3, .. })));
+            assert!(matches!(box_corners(numbers, 3), Err(Error::Raster(RasterError::Shape { index: 3, .. }))));
         }
     }
 
     #[test]
     fn refuses_what_is_no_polygon() {
         for corners in [&[[0.0; 2]; 2][..], &[[0.0, 0.0], [f64::NAN, 0.0], [1.0, 1.0]], &[[0.0, 1e10]; 3]] {
-            assert!(matches!(check_polygon(corners, 1), Err(Error::Shape { index: 1, .. })));
+            assert!(matches!(check_polygon(corners, 1), Err(Error::Raster(RasterError::Shape { index: 1, .. }))));
         }
     }
 

@@ -2,7 +2,7 @@
 
 use super::pieces::{ONE, Piece};
 use super::{RigLut, WHAT};
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, RigError, ViewError, WarpError};
 use crate::kernels::{RowKernels, Source};
 use crate::lut::Lut;
 use crate::parallel;
@@ -105,9 +105,10 @@ impl RigLut {
     /// its samples are multiplied first.
     ///
     /// # Errors
-    /// [`Error::ImageCount`], [`Error::SizeMismatch`], [`Error::MixedChannels`], [`Error::OutputShape`],
-    /// [`Error::BorderChannels`], [`Error::Threads`] and [`Error::Rig`] for gains of another number, all before anything
-    /// is written; [`Error::OutOfMemory`].
+    /// [`WarpError::ImageCount`], [`ViewError::SizeMismatch`], [`WarpError::MixedChannels`],
+    /// [`ViewError::OutputShape`], [`ViewError::BorderChannels`],
+    /// [`ThreadsError::Zero`](crate::error::ThreadsError::Zero) and [`RigError::ImageCount`], [`RigError::GainCount`]
+    /// and [`RigError::Gain`], all before anything is written; [`Error::OutOfMemory`].
     pub fn warp_into<T: Bilinear + Mix>(
         &self,
         images: &[ImageView<'_, T>],
@@ -187,25 +188,29 @@ impl RigLut {
         options.border(images[0].channels(), 1)?;
         options.threads_for(0, 0)?;
         let expected = (self.rows(), self.columns(), images[0].channels());
-        if out.shape() == expected { Ok(()) } else { Err(Error::OutputShape { expected, got: out.shape() }) }
+        if out.shape() == expected {
+            Ok(())
+        } else {
+            Err(Error::View(ViewError::OutputShape { expected, got: out.shape() }))
+        }
     }
 
     /// Whether there is an image of the right size for each camera, all of one number of channels.
     pub(super) fn check_images<T: Sample>(&self, images: &[ImageView<'_, T>]) -> Result<()> {
         if images.len() != self.cameras() {
-            return Err(Error::Rig {
-                expected: "an image for each camera",
-                got: format!("{} for {} cameras", images.len(), self.cameras()),
-            });
+            return Err(Error::Rig(RigError::ImageCount { got: images.len(), cameras: self.cameras() }));
         }
         for (camera, image) in images.iter().enumerate() {
             let (width, height) = self.source_size(camera);
             let expected = (width as usize, height as usize);
             if (image.width(), image.height()) != expected {
-                return Err(Error::SizeMismatch { expected, got: (image.width(), image.height()) });
+                return Err(Error::View(ViewError::SizeMismatch { expected, got: (image.width(), image.height()) }));
             }
             if image.channels() != images[0].channels() {
-                return Err(Error::MixedChannels { expected: images[0].channels(), got: image.channels() });
+                return Err(Error::Warp(WarpError::MixedChannels {
+                    expected: images[0].channels(),
+                    got: image.channels(),
+                }));
             }
         }
         Ok(())
@@ -214,13 +219,10 @@ impl RigLut {
     /// Whether there is a gain for each channel of each camera, or none at all.
     pub(super) fn check_gains(&self, gains: &[f32], channels: usize) -> Result<()> {
         if !gains.is_empty() && gains.len() != channels * self.cameras() {
-            return Err(Error::Rig {
-                expected: "a gain for each channel of each camera",
-                got: format!("{} for {} cameras of {channels} channels", gains.len(), self.cameras()),
-            });
+            return Err(Error::Rig(RigError::GainCount { got: gains.len(), cameras: self.cameras(), channels }));
         }
         match gains.iter().find(|gain| !(0.0..=1e3).contains(*gain)) {
-            Some(gain) => Err(Error::Rig { expected: "gains from 0 to 1000", got: format!("{gain}") }),
+            Some(&got) => Err(Error::Rig(RigError::Gain { got })),
             None => Ok(()),
         }
     }

@@ -4,7 +4,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::region::{Region, Sweep};
 use super::{Mix, RigLut, WHAT};
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, RigError};
 use crate::lut::{Lut, Resolution};
 use crate::parallel::check_interrupt;
 use crate::table::{SpanKind, Tap};
@@ -113,8 +113,8 @@ impl RigLut {
         self.check_images(images)?;
         let (channels, cameras) = (images[0].channels(), self.cameras());
         self.check_gains(previous, channels)?;
-        if let Some(gain) = previous.iter().find(|&&gain| gain <= 0.0) {
-            return Err(Error::Rig { expected: "previous gains above 0", got: format!("{gain}") });
+        if let Some(&got) = previous.iter().find(|&&gain| gain <= 0.0) {
+            return Err(Error::Rig(RigError::PreviousGain { got }));
         }
         let mut gains = buffer::filled(WHAT, cameras * channels, 1.0)?;
         for channel in 0..channels {

@@ -6,6 +6,7 @@
 //! the table is built, so a view depends neither on threads nor on the order of the cameras.
 
 mod compose;
+pub(crate) mod error;
 mod gains;
 mod pieces;
 mod region;
@@ -16,7 +17,7 @@ pub use compose::Mix;
 use std::sync::OnceLock;
 
 use crate::camera::Camera;
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, RigError};
 use crate::grid::BevGrid;
 use crate::ground::Ground;
 use crate::lut::Lut;
@@ -90,13 +91,14 @@ impl RigLut {
     /// under [`BlendMode::Priority`].
     ///
     /// # Errors
-    /// [`Error::Rig`] for no or too many cameras, names that are there twice, and masks of another size;
-    /// [`Error::Shape`] for a polygon that is none, [`Error::NotFinite`] for `feather`, and those of [`Lut::new`].
+    /// [`RigError`] for no or too many cameras, names that are there twice, masks of another size and a feather that is
+    /// none; [`RasterError::Shape`](crate::error::RasterError::Shape) for a polygon that is none, [`Error::NotFinite`]
+    /// for `feather`, and those of [`Lut::new`].
     pub fn new(cameras: &[(&str, Camera)], grid: &BevGrid, ground: &Ground, options: &RigOptions<'_>) -> Result<Self> {
         let order = order_of_names(cameras)?;
         check_masks(cameras, &options.masks)?;
         if !options.feather.is_finite() || !(0.0..=1e3).contains(&options.feather) {
-            return Err(Error::Rig { expected: "feather from 0 to 1000 metres", got: format!("{}", options.feather) });
+            return Err(Error::Rig(RigError::Feather { got: options.feather }));
         }
         let excluded = excluded(&options.exclude, grid)?;
         let mut views = buffer::reserved(WHAT, cameras.len())?;
@@ -204,11 +206,11 @@ impl RigLut {
     /// others go to those, cells that they showed alone to nobody. Those that are left are numbered anew, in their order.
     ///
     /// # Errors
-    /// [`Error::Rig`] where no camera is left; [`Error::OutOfMemory`].
+    /// [`RigError::NoImage`] where no camera is left; [`Error::OutOfMemory`].
     pub fn without(&self, missing: &[usize]) -> Result<Self> {
         let left: Vec<usize> = (0..self.cameras()).filter(|camera| !missing.contains(camera)).collect();
         if left.is_empty() {
-            return Err(Error::Rig { expected: "at least one camera whose picture is there", got: "none".to_owned() });
+            return Err(Error::Rig(RigError::NoImage));
         }
         let kept: Vec<usize> = (0..self.cameras()).filter(|&table| left.contains(&self.cameras[table])).collect();
         let columns = self.columns();
@@ -283,32 +285,27 @@ impl RigLut {
 /// Places of the cameras in the order of their names.
 fn order_of_names(cameras: &[(&str, Camera)]) -> Result<Vec<usize>> {
     if cameras.is_empty() || cameras.len() > MAX_CAMERAS {
-        return Err(Error::Rig { expected: "1 to 64 cameras", got: format!("{}", cameras.len()) });
+        return Err(Error::Rig(RigError::CameraCount { got: cameras.len(), limit: MAX_CAMERAS }));
     }
     let mut order: Vec<usize> = (0..cameras.len()).collect();
     order.sort_by_key(|&index| cameras[index].0);
     match order.windows(2).find(|pair| cameras[pair[0]].0 == cameras[pair[1]].0) {
-        Some(pair) => Err(Error::Rig {
-            expected: "a name of its own for each camera",
-            got: format!("{:?} twice", cameras[pair[0]].0),
-        }),
+        Some(pair) => Err(Error::Rig(RigError::NameTwice { name: cameras[pair[0]].0.to_owned() })),
         None => Ok(order),
     }
 }
 
 fn check_masks(cameras: &[(&str, Camera)], masks: &[Option<&ImageMask>]) -> Result<()> {
     if !masks.is_empty() && masks.len() != cameras.len() {
-        return Err(Error::Rig { expected: "a mask, or none, for each camera", got: format!("{} masks", masks.len()) });
+        return Err(Error::Rig(RigError::MaskCount { got: masks.len() }));
     }
     for ((name, camera), mask) in cameras.iter().zip(masks) {
-        let (width, height) = camera.image_size();
+        let expected = camera.image_size();
         if let Some(mask) = mask
-            && mask.size() != (width, height)
+            && mask.size() != expected
         {
-            return Err(Error::Rig {
-                expected: "masks of the size of their images",
-                got: format!("{:?} for {name:?} of {width} x {height}", mask.size()),
-            });
+            let name = (*name).to_owned();
+            return Err(Error::Rig(RigError::MaskSize { name, expected, got: mask.size() }));
         }
     }
     Ok(())

@@ -9,9 +9,9 @@
 use std::mem::MaybeUninit;
 
 use super::{PackedSpan, RowEnd, RowSpans, SpanKind, Table, Tap, band_rows, unframed};
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, TableError};
 use crate::parallel::check_interrupt;
-use crate::view::{buffer, check_cells, check_image_size};
+use crate::view::{are_too_many, buffer, check_image_size};
 
 const MAGIC: &[u8; 8] = b"ipm_rs\x00\x03";
 
@@ -69,7 +69,7 @@ impl Table {
         let source = check_image_size("source_size", number(2).into(), number(3).into())
             .map_err(|_| damaged("its source size is impossible"))?;
         let (spans, taps) = (number(4) as usize, number(5) as usize);
-        if rows == 0 || columns == 0 || check_cells("Lut", rows as f64, columns as f64).is_err() {
+        if rows == 0 || columns == 0 || are_too_many(rows as f64, columns as f64) {
             return Err(damaged("its shape is impossible"));
         }
         // u64: none of these can overflow, and nothing is allocated before the length is known to be right
@@ -102,7 +102,7 @@ impl Table {
 }
 
 fn damaged(problem: &'static str) -> Error {
-    Error::DamagedTable { problem }
+    Error::Table(TableError::Damaged { problem })
 }
 
 /// What is left of a table's bytes.
@@ -237,7 +237,7 @@ mod tests {
         for bit in 0..bytes.len() * 8 {
             let mut damaged = bytes.clone();
             damaged[bit / 8] ^= 1 << (bit % 8);
-            assert!(matches!(Lut::from_bytes(&damaged), Err(Error::DamagedTable { .. })), "bit {bit}");
+            assert!(matches!(Lut::from_bytes(&damaged), Err(Error::Table(TableError::Damaged { .. }))), "bit {bit}");
         }
         for length in 0..bytes.len() {
             assert!(Lut::from_bytes(&bytes[..length]).is_err());
@@ -264,7 +264,7 @@ mod tests {
                     harmless += 1;
                 }
                 Err(error) => {
-                    assert!(matches!(error, Error::DamagedTable { .. }), "{error}");
+                    assert!(matches!(error, Error::Table(TableError::Damaged { .. })), "{error}");
                     refused += 1;
                 }
             }

@@ -9,6 +9,7 @@ use std::ops::Range;
 
 pub(crate) mod block;
 mod bytes;
+pub(crate) mod error;
 pub(crate) mod pattern;
 mod restricted;
 mod tap;
@@ -16,8 +17,8 @@ mod tap;
 pub use bytes::checksum;
 pub(crate) use tap::{ONE, SpanKind, Tap, framed, unframed};
 
-use crate::error::Result;
-use crate::view::{buffer, check_cells};
+use crate::error::{Result, TableError};
+use crate::view::{MAX_CELLS, are_too_many, buffer};
 
 /// A span of cells of one kind: the kind in the top two bits, the number of cells in the others. Longer spans are several.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -141,10 +142,22 @@ pub(crate) fn band_rows(columns: usize) -> usize {
     (1usize << 15).div_ceil(columns)
 }
 
+/// Refuses shapes that no table may have, before any memory is asked for.
+///
+/// # Errors
+/// [`TableError::TooManyCells`].
+pub(crate) fn check_cells(rows: usize, columns: usize) -> Result<(), TableError> {
+    let (rows, columns) = (rows as f64, columns as f64);
+    if are_too_many(rows, columns) {
+        return Err(TableError::TooManyCells { rows, columns, limit: MAX_CELLS });
+    }
+    Ok(())
+}
+
 impl Table {
     /// A table with room for all taps, but none in it, and no spans yet.
     pub(crate) fn empty((rows, columns): (usize, usize), source: (u32, u32)) -> Result<Self> {
-        check_cells("Lut", rows as f64, columns as f64)?;
+        check_cells(rows, columns)?;
         let mut table = Self { rows, columns, source, taps: Vec::new(), bands: Vec::new() };
         table.taps = buffer::filled(WHAT, rows * columns, MaybeUninit::uninit())?;
         table.bands = buffer::filled(WHAT, rows.div_ceil(band_rows(columns)), RowSpans::default())?;

@@ -3,7 +3,7 @@
 use std::marker::PhantomData;
 
 use super::strided::{Strided, lies_within};
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, ViewError};
 
 /// A read-only image of interleaved samples: (height, width, channels) with any row stride, also zero or negative.
 #[derive(Debug, Clone, Copy)]
@@ -18,7 +18,7 @@ impl<'a, T> ImageView<'a, T> {
     /// A contiguous image.
     ///
     /// # Errors
-    /// [`Error::EmptyImage`] and [`Error::ImageBuffer`].
+    /// [`ViewError::EmptyImage`] and [`ViewError::ImageBuffer`].
     pub fn new(data: &'a [T], (width, height): (usize, usize), channels: usize) -> Result<Self> {
         let row_stride = isize::try_from(width.saturating_mul(channels)).unwrap_or(isize::MAX);
         Self::with_row_stride(data, (width, height), channels, 0, row_stride)
@@ -27,7 +27,7 @@ impl<'a, T> ImageView<'a, T> {
     /// An image whose row y begins at `data[origin + y * row_stride]`.
     ///
     /// # Errors
-    /// [`Error::EmptyImage`] and [`Error::ImageBuffer`].
+    /// [`ViewError::EmptyImage`] and [`ViewError::ImageBuffer`].
     pub fn with_row_stride(
         data: &'a [T],
         (width, height): (usize, usize),
@@ -37,13 +37,15 @@ impl<'a, T> ImageView<'a, T> {
     ) -> Result<Self> {
         check_not_empty("image", width, height, channels)?;
         let shape = (height, width.saturating_mul(channels));
-        let samples = Strided::with_strides(data, shape, origin, (row_stride, 1)).map_err(|_| Error::ImageBuffer {
-            what: "image",
-            width,
-            height,
-            channels,
-            row_stride,
-            length: data.len(),
+        let samples = Strided::with_strides(data, shape, origin, (row_stride, 1)).map_err(|_| {
+            Error::View(ViewError::ImageBuffer {
+                what: "image",
+                width,
+                height,
+                channels,
+                row_stride,
+                length: data.len(),
+            })
         })?;
         Ok(Self { samples, width, channels })
     }
@@ -109,14 +111,14 @@ impl<'a, T> ImageViewMut<'a, T> {
     /// A contiguous image.
     ///
     /// # Errors
-    /// [`Error::EmptyImage`] and [`Error::ImageBuffer`].
+    /// [`ViewError::EmptyImage`] and [`ViewError::ImageBuffer`].
     pub fn new(data: &'a mut [T], (width, height): (usize, usize), channels: usize) -> Result<Self> {
         let row_length = width.saturating_mul(channels);
         let row_stride = isize::try_from(row_length).unwrap_or(isize::MAX);
         let length = data.len();
         match Self::with_row_stride(data, (width, height), channels, 0, row_stride) {
             Ok(_) if row_length * height != length => {
-                Err(Error::ImageBuffer { what: "out", width, height, channels, row_stride, length })
+                Err(Error::View(ViewError::ImageBuffer { what: "out", width, height, channels, row_stride, length }))
             }
             checked => checked,
         }
@@ -125,7 +127,7 @@ impl<'a, T> ImageViewMut<'a, T> {
     /// An image whose row y begins at `data[origin + y * row_stride]`.
     ///
     /// # Errors
-    /// [`Error::EmptyImage`], and [`Error::ImageBuffer`] where rows leave the buffer or overlap.
+    /// [`ViewError::EmptyImage`], and [`ViewError::ImageBuffer`] where rows leave the buffer or overlap.
     pub fn with_row_stride(
         data: &'a mut [T],
         (width, height): (usize, usize),
@@ -137,7 +139,14 @@ impl<'a, T> ImageViewMut<'a, T> {
         let shape = (height, width.saturating_mul(channels));
         let fits = lies_within(data.len(), shape, origin, (row_stride, 1));
         if !fits || (height > 1 && row_stride.unsigned_abs() < width * channels) {
-            return Err(Error::ImageBuffer { what: "out", width, height, channels, row_stride, length: data.len() });
+            return Err(Error::View(ViewError::ImageBuffer {
+                what: "out",
+                width,
+                height,
+                channels,
+                row_stride,
+                length: data.len(),
+            }));
         }
         // SAFETY: `lies_within` found every row inside `data`, borrowed for 'a, and the stride keeps them apart.
         Ok(unsafe { Self::from_raw(data.as_mut_ptr().wrapping_add(origin), (width, height), channels, row_stride) })
@@ -235,7 +244,7 @@ impl<'a, T> Iterator for RowsMut<'a, T> {
 
 fn check_not_empty(what: &'static str, width: usize, height: usize, channels: usize) -> Result<()> {
     if width == 0 || height == 0 || channels == 0 {
-        return Err(Error::EmptyImage { what, width, height, channels });
+        return Err(Error::View(ViewError::EmptyImage { what, width, height, channels }));
     }
     Ok(())
 }
@@ -266,17 +275,17 @@ mod tests {
             ((3, 4), 2, 0, isize::MAX),
         ] {
             let got = ImageView::with_row_stride(&data, size, channels, origin, stride);
-            assert!(matches!(got, Err(Error::ImageBuffer { .. })), "{size:?} {origin} {stride}");
+            assert!(matches!(got, Err(Error::View(ViewError::ImageBuffer { .. }))), "{size:?} {origin} {stride}");
         }
-        assert!(matches!(ImageView::new(&data, (0, 4), 1), Err(Error::EmptyImage { .. })));
+        assert!(matches!(ImageView::new(&data, (0, 4), 1), Err(Error::View(ViewError::EmptyImage { .. }))));
         let mut data = [0u8; 24];
         assert!(ImageViewMut::new(&mut data, (3, 4), 2).is_ok());
-        assert!(matches!(ImageViewMut::new(&mut data, (3, 5), 2), Err(Error::ImageBuffer { .. })));
-        assert!(matches!(ImageViewMut::new(&mut data, (0, 5), 2), Err(Error::EmptyImage { .. })));
-        assert!(matches!(ImageViewMut::new(&mut data, (3, 3), 2), Err(Error::ImageBuffer { .. })));
+        assert!(matches!(ImageViewMut::new(&mut data, (3, 5), 2), Err(Error::View(ViewError::ImageBuffer { .. }))));
+        assert!(matches!(ImageViewMut::new(&mut data, (0, 5), 2), Err(Error::View(ViewError::EmptyImage { .. }))));
+        assert!(matches!(ImageViewMut::new(&mut data, (3, 3), 2), Err(Error::View(ViewError::ImageBuffer { .. }))));
         for (origin, stride) in [(0, 7), (1, 6), (0, 5), (0, 0), (0, -6), (17, -6), (0, isize::MAX), (0, isize::MIN)] {
             let got = ImageViewMut::with_row_stride(&mut data, (3, 4), 2, origin, stride);
-            assert!(matches!(got, Err(Error::ImageBuffer { .. })), "{origin} {stride}");
+            assert!(matches!(got, Err(Error::View(ViewError::ImageBuffer { .. }))), "{origin} {stride}");
         }
     }
 

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use super::buffer;
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, ViewError};
 
 /// What memory is asked for, in errors.
 const WHAT: &str = "mask";
@@ -21,11 +21,11 @@ impl ImageMask {
     /// The mask of images of (width, height), row-major, true where they show the road.
     ///
     /// # Errors
-    /// [`Error::SizeMismatch`] for another number of pixels.
+    /// [`ViewError::SizeMismatch`] for another number of pixels.
     pub fn new(size: (u32, u32), shown: Vec<bool>) -> Result<Self> {
         let expected = (size.0 as usize, size.1 as usize);
         if shown.len() != expected.0 * expected.1 {
-            return Err(Error::SizeMismatch { expected, got: (shown.len(), 1) });
+            return Err(Error::View(ViewError::SizeMismatch { expected, got: (shown.len(), 1) }));
         }
         Ok(Self { size, shown })
     }
@@ -150,6 +150,6 @@ mod tests {
     #[test]
     fn another_number_of_pixels_is_refused() {
         assert_eq!(ImageMask::new((5, 3), vec![true; 15]).unwrap().size(), (5, 3));
-        assert!(matches!(ImageMask::new((5, 3), vec![true; 16]), Err(Error::SizeMismatch { .. })));
+        assert!(matches!(ImageMask::new((5, 3), vec![true; 16]), Err(Error::View(ViewError::SizeMismatch { .. }))));
     }
 }

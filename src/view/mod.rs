@@ -1,6 +1,7 @@
 //! Memory that others own, seen as images, tables and points: where things lie is checked once, here.
 
 pub(crate) mod buffer;
+pub(crate) mod error;
 mod half;
 mod image;
 mod limits;
@@ -17,6 +18,6 @@ pub use number::{Cast, DepthSample, PointSample, Sample};
 pub use strided::{Strided, reach};
 
 pub(crate) use image::RowsMut;
-pub(crate) use limits::{check_cells, check_image_size};
+pub(crate) use limits::{are_too_many, check_image_size};
 pub(crate) use number::{as_bytes, as_bytes_mut};
 pub(crate) use prefetch::prefetch;

@@ -1,6 +1,6 @@
 //! A borrowed table of numbers, checked once: the rows of an image, points, or the values that they carry.
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, ViewError};
 
 /// How many numbers a table reaches before its first one, and how many behind it; `None` beyond what can be addressed.
 ///
@@ -42,11 +42,11 @@ impl<'a, T> Strided<'a, T> {
     /// Rows of `columns` numbers, one after the other.
     ///
     /// # Errors
-    /// [`Error::PointTable`] where the data is no whole number of rows.
+    /// [`ViewError::PointTable`] where the data is no whole number of rows.
     pub fn new(data: &'a [T], columns: usize) -> Result<Self> {
         let rows = data.len().checked_div(columns).unwrap_or(0);
         if rows * columns != data.len() {
-            return Err(Error::PointTable { rows, columns, length: data.len() });
+            return Err(Error::View(ViewError::PointTable { rows, columns, length: data.len() }));
         }
         Self::with_strides(data, (rows, columns), 0, (columns as isize, 1))
     }
@@ -54,7 +54,7 @@ impl<'a, T> Strided<'a, T> {
     /// Rows and columns of which number (i, j) is `data[start + i * strides.0 + j * strides.1]`.
     ///
     /// # Errors
-    /// [`Error::PointTable`] where a number would lie outside the data.
+    /// [`ViewError::PointTable`] where a number would lie outside the data.
     pub fn with_strides(
         data: &'a [T],
         (rows, columns): (usize, usize),
@@ -62,7 +62,7 @@ impl<'a, T> Strided<'a, T> {
         (row_stride, column_stride): (isize, isize),
     ) -> Result<Self> {
         if !lies_within(data.len(), (rows, columns), start, (row_stride, column_stride)) {
-            return Err(Error::PointTable { rows, columns, length: data.len() });
+            return Err(Error::View(ViewError::PointTable { rows, columns, length: data.len() }));
         }
         Ok(Self { data, rows, columns, start, row_stride, column_stride })
     }
@@ -188,7 +188,7 @@ mod tests {
             ((1, 1), 12, (0, 0)),
         ] {
             let got = Strided::with_strides(&data, shape, start, strides);
-            assert!(matches!(got, Err(Error::PointTable { .. })), "{shape:?} {start} {strides:?}");
+            assert!(matches!(got, Err(Error::View(ViewError::PointTable { .. }))), "{shape:?} {start} {strides:?}");
         }
         assert!(Strided::new(&data, 5).is_err() && Strided::new(&data, 0).is_err());
     }

@@ -6,13 +6,13 @@ use nalgebra::Matrix3;
 
 use super::{Bilinear, Interpolation, WarpOptions, warp_spans};
 use crate::cpu::Isa;
-use crate::error::{Error, Result};
+use crate::error::{Error, LutError, Result, ViewError};
 use crate::kernels::{ExactBlend, ExactKernels, Float, RowKernels, Source};
 use crate::kernels::{Kinds, Row, Sampled, widen};
 use crate::lut::{check_homography, homography_row};
 use crate::parallel;
-use crate::table::{RowSpans, SpanKind, Tap};
-use crate::view::{F16, ImageView, ImageViewMut, Sample, buffer, check_cells, check_image_size};
+use crate::table::{RowSpans, SpanKind, Tap, check_cells};
+use crate::view::{F16, ImageView, ImageViewMut, Sample, buffer, check_image_size};
 
 /// What lies beyond the image.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
@@ -73,7 +73,7 @@ impl Mapping<'_> {
             Self::Homography(m) => return check_homography(m),
         };
         match lengths.into_iter().find(|&length| length != cells) {
-            Some(got) => Err(Error::MapLength { expected: cells, got }),
+            Some(got) => Err(Error::Lut(LutError::MapLength { expected: cells, got })),
             None => Ok(()),
         }
     }
@@ -99,10 +99,11 @@ impl Mapping<'_> {
 /// steps of a table.
 ///
 /// # Errors
-/// [`Error::Interpolation`] for what needs a table,
-/// [`Error::MapLength`] where a map has not one entry for each cell of `out`, [`Error::Homography`],
-/// [`Error::ImageSize`], [`Error::OutputShape`] where the channels differ, [`Error::BorderChannels`],
-/// [`Error::Threads`] and [`Error::Isa`], all before anything is written.
+/// [`WarpError::NeedsTable`](crate::error::WarpError::NeedsTable) for what needs a table, [`LutError::MapLength`] where
+/// a map has not one entry for each cell of `out`, [`LutError::Homography`], [`ViewError::ImageSize`],
+/// [`ViewError::OutputShape`] where the channels differ, [`ViewError::BorderChannels`],
+/// [`ThreadsError::Zero`](crate::error::ThreadsError::Zero) and [`IsaError`](crate::error::IsaError), all before
+/// anything is written.
 pub fn warp_direct_into<T: Bilinear>(
     image: &ImageView<'_, T>,
     mapping: &Mapping<'_>,
@@ -221,7 +222,7 @@ fn by_taps<T: Sample>(warp: &Direct<'_, T>, out: &mut ImageViewMut<'_, T>, kerne
 /// The inverse of a homography.
 ///
 /// # Errors
-/// [`Error::Homography`] where it has none.
+/// [`LutError::Homography`] where it has none.
 pub fn inverse_homography(m: &Matrix3<f64>) -> Result<Matrix3<f64>> {
     check_homography(m)?;
     let inverse = m.try_inverse().unwrap_or_else(Matrix3::zeros);
@@ -240,10 +241,13 @@ fn run<T: Sample, S>(
     let Direct { image, mapping, border_mode, options } = warp;
     let (rows, columns, channels) = out.shape();
     let source_size = check_image_size("image", image.width() as u64, image.height() as u64)?;
-    check_cells("out", rows as f64, columns as f64)?;
+    check_cells(rows, columns)?;
     mapping.check(rows * columns)?;
     if channels != image.channels() {
-        return Err(Error::OutputShape { expected: (rows, columns, image.channels()), got: out.shape() });
+        return Err(Error::View(ViewError::OutputShape {
+            expected: (rows, columns, image.channels()),
+            got: out.shape(),
+        }));
     }
     let border = options.border(image.channels(), 1)?;
     let (threads, isa) = (options.threads_for(rows * columns, channels)?, options.isa()?);

@@ -1,7 +1,7 @@
 //! Tables without the cells that show hidden pixels: the own bonnet, what lies outside a fisheye's circle.
 
 use super::{Interpolation, WarpOptions};
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, ViewError};
 use crate::lut::Lut;
 use crate::view::{ImageMask, ImageView, buffer};
 
@@ -9,8 +9,8 @@ impl Lut {
     /// The table of the cells whose whole footprint shows pixels that the mask shows; the others are outside.
     ///
     /// # Errors
-    /// [`Error::SizeMismatch`] for a mask that is not of the size of the images, [`Error::OutOfMemory`] and those of
-    /// [`Interpolation::Area`].
+    /// [`ViewError::SizeMismatch`] for a mask that is not of the size of the images, [`Error::OutOfMemory`] and those
+    /// of [`Interpolation::Area`].
     pub fn masked(&self, mask: &ImageMask) -> Result<Self> {
         self.restricted(&self.unmasked(mask)?)
     }
@@ -22,7 +22,7 @@ impl Lut {
         let [expected, size] =
             [self.source_size(), mask.size()].map(|(width, height)| (width as usize, height as usize));
         if size != expected {
-            return Err(Error::SizeMismatch { expected, got: size });
+            return Err(Error::View(ViewError::SizeMismatch { expected, got: size }));
         }
         let white: Vec<u8> =
             buffer::collected("mask", mask.shown().iter().map(|&shown| if shown { u8::MAX } else { 0 }))?;

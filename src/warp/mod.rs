@@ -3,6 +3,7 @@
 pub(crate) mod area;
 mod blend;
 pub mod direct;
+pub(crate) mod error;
 mod masked;
 mod mode;
 mod nearest;
@@ -15,7 +16,7 @@ pub use options::{Interpolation, WarpOptions};
 use std::borrow::Cow;
 use std::slice;
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, ViewError, WarpError};
 use crate::kernels::{CopyKernel, RowKernels, Source};
 use crate::lut::Lut;
 use crate::parallel::{self, Work};
@@ -45,8 +46,8 @@ impl Lut {
     /// Warps an image into a given one. The result does not depend on the number of threads.
     ///
     /// # Errors
-    /// [`Error::SizeMismatch`], [`Error::OutputShape`], [`Error::BorderChannels`] and [`Error::Threads`], all before
-    /// anything is written.
+    /// [`ViewError::SizeMismatch`], [`ViewError::OutputShape`], [`ViewError::BorderChannels`] and
+    /// [`ThreadsError::Zero`](crate::error::ThreadsError::Zero), all before anything is written.
     pub fn warp_into<T: Bilinear>(
         &self,
         image: &ImageView<'_, T>,
@@ -76,7 +77,7 @@ impl Lut {
     /// picture: plane i gets value i modulo their number.
     ///
     /// # Errors
-    /// Those of [`Lut::warp_into`], [`Error::ImageCount`] and [`Error::MixedChannels`].
+    /// Those of [`Lut::warp_into`], [`WarpError::ImageCount`] and [`WarpError::MixedChannels`].
     pub fn warp_many_into<T: Bilinear>(
         &self,
         images: &[ImageView<'_, T>],
@@ -106,18 +107,21 @@ impl Lut {
     /// Whether images and options fit this table and each other: what a warp checks first.
     ///
     /// # Errors
-    /// [`Error::ImageCount`], [`Error::SizeMismatch`], [`Error::MixedChannels`], [`Error::BorderChannels`] and
-    /// [`Error::Threads`].
+    /// [`WarpError::ImageCount`], [`ViewError::SizeMismatch`], [`WarpError::MixedChannels`],
+    /// [`ViewError::BorderChannels`] and [`ThreadsError::Zero`](crate::error::ThreadsError::Zero).
     pub fn check_images<T: Copy>(&self, images: &[ImageView<'_, T>], options: &WarpOptions<T>) -> Result<()> {
-        let [first, ..] = images else { return Err(Error::ImageCount { images: 0, outs: 0 }) };
+        let [first, ..] = images else { return Err(Error::Warp(WarpError::ImageCount { images: 0, outs: 0 })) };
         let source = self.source_size();
         let expected = (source.0 as usize, source.1 as usize);
         for image in images {
             if (image.width(), image.height()) != expected {
-                return Err(Error::SizeMismatch { expected, got: (image.width(), image.height()) });
+                return Err(Error::View(ViewError::SizeMismatch { expected, got: (image.width(), image.height()) }));
             }
             if image.channels() != first.channels() {
-                return Err(Error::MixedChannels { expected: first.channels(), got: image.channels() });
+                return Err(Error::Warp(WarpError::MixedChannels {
+                    expected: first.channels(),
+                    got: image.channels(),
+                }));
             }
         }
         options.check_border(first.channels(), images.len())?;
@@ -134,11 +138,11 @@ fn check<'a, T: Sample>(
 ) -> Result<Cow<'a, [T]>> {
     lut.check_images(images, options)?;
     if images.len() != outs.len() {
-        return Err(Error::ImageCount { images: images.len(), outs: outs.len() });
+        return Err(Error::Warp(WarpError::ImageCount { images: images.len(), outs: outs.len() }));
     }
     let expected = (lut.rows(), lut.columns(), images[0].channels());
     if let Some(out) = outs.iter().find(|out| out.shape() != expected) {
-        return Err(Error::OutputShape { expected, got: out.shape() });
+        return Err(Error::View(ViewError::OutputShape { expected, got: out.shape() }));
     }
     options.border(images[0].channels(), images.len())
 }

@@ -3,7 +3,7 @@
 
 use super::{WarpOptions, check};
 use crate::cpu::Isa;
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, WarpError};
 use crate::kernels::FRACTION_BITS;
 use crate::kernels::{RowKernels, Source};
 use crate::lut::Lut;
@@ -28,8 +28,8 @@ impl Lut {
     /// `options.interpolation` is not looked at.
     ///
     /// # Errors
-    /// Those of [`Lut::warp_many_nearest_into`](crate::Lut::warp_many_nearest_into), [`Error::TooManyIds`] where an image has
-    /// more than 256 different ids, and [`Error::AreaSize`].
+    /// Those of [`Lut::warp_many_nearest_into`](crate::Lut::warp_many_nearest_into), [`WarpError::TooManyIds`] where an
+    /// image has more than 256 different ids, and [`LutError::AreaSize`](crate::error::LutError::AreaSize).
     pub fn warp_many_mode_into<T: Sample + Ord>(
         &self,
         images: &[ImageView<'_, T>],
@@ -90,7 +90,7 @@ impl<'a, T: Sample + Ord> Labels<'a, T> {
                 last = Some(id);
                 if let Err(place) = ids.binary_search(&id) {
                     if ids.len() == MAX_IDS {
-                        return Err(Error::TooManyIds { limit: MAX_IDS });
+                        return Err(Error::Warp(WarpError::TooManyIds { limit: MAX_IDS }));
                     }
                     ids.insert(place, id);
                 }

@@ -4,7 +4,7 @@ use std::borrow::Cow;
 
 use super::Bilinear;
 use crate::cpu::Isa;
-use crate::error::{Error, Result};
+use crate::error::{Error, IsaError, Result, ViewError, WarpError};
 use crate::kernels::RowKernels;
 use crate::parallel::Work;
 use crate::view::buffer;
@@ -26,7 +26,7 @@ pub enum Interpolation {
 }
 
 impl Interpolation {
-    /// Its name in Python.
+    /// Its name.
     pub fn name(self) -> &'static str {
         match self {
             Self::Nearest => "nearest",
@@ -35,23 +35,14 @@ impl Interpolation {
         }
     }
 
-    /// What is wrong where a warp without a table is asked for this, which needs one.
-    pub fn table_needed(got: &'static str) -> Error {
-        Error::Interpolation {
-            expected: "\"bilinear\" or \"nearest\"",
-            got,
-            mend: "for \"area\" and \"mode\" make a Lut (from_maps, from_homography) and use its warp",
-        }
-    }
-
     /// Itself if a warp without a table can do it.
     ///
     /// # Errors
-    /// [`Error::Interpolation`].
-    pub fn without_table(self) -> Result<Self> {
+    /// [`WarpError::NeedsTable`].
+    pub fn without_table(self) -> Result<Self, WarpError> {
         match self {
             Self::Nearest | Self::Bilinear => Ok(self),
-            Self::Area => Err(Self::table_needed(self.name())),
+            Self::Area => Err(WarpError::NeedsTable { got: self.name() }),
         }
     }
 }
@@ -78,7 +69,7 @@ impl<T: Default> Default for WarpOptions<T> {
 
 impl<T: Copy> WarpOptions<T> {
     /// The instruction set to use, which this CPU can run.
-    pub(super) fn isa(&self) -> Result<Isa> {
+    pub(super) fn isa(&self) -> Result<Isa, IsaError> {
         self.isa.map_or_else(Isa::active, Isa::checked)
     }
 
@@ -93,7 +84,7 @@ impl<T: Copy> WarpOptions<T> {
             1 => Ok(()),
             values if values == channels => Ok(()),
             values if values > 0 && channels == 1 && images.is_multiple_of(values) => Ok(()),
-            values => Err(Error::BorderChannels { expected: channels, got: values }),
+            values => Err(Error::View(ViewError::BorderChannels { expected: channels, got: values })),
         }
     }
 

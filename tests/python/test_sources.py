@@ -37,8 +37,7 @@ def test_unsafe_lives_where_decision_0007_says():
 BASE = {"error", "cpu", "view", "parallel"}
 #: Which rooms of the crate each may use, besides itself. What is not listed may be used by nobody below `python`.
 MAY_USE = {
-    "error": set(),
-    "cpu": {"error"},
+    "cpu": set(),
     "view": {"error"},
     "parallel": {"error", "view"},
     "finding": {"error"},
@@ -68,7 +67,7 @@ def test_rooms_use_only_what_stands_below_them():
     found, upward = set(), set()
     for path in RUST:
         room = path.relative_to(ROOT / "src").parts[0].removesuffix(".rs")
-        if room in ("lib", "python"):
+        if room in ("lib", "python", "error"):
             continue
         assert room in MAY_USE, f"{room} is new: say what it may use"
         for used in uses(path) - {room}:
@@ -78,6 +77,29 @@ def test_rooms_use_only_what_stands_below_them():
                 assert (room, used) in UPWARD, f"{path.relative_to(ROOT)} uses crate::{used}"
     assert len(found) > 40, "the test has gone blind"
     assert upward == UPWARD, "one is mended: take it off the list"
+
+
+def test_errors_live_beside_what_raises_them_and_know_nothing_else():
+    """`error.rs` gathers them and so names every room; none of the files it names knows one."""
+    gathered = re.findall(r"\buse crate::([\w:]+)", code(ROOT / "src/error.rs"))
+    single = {"cpu::IsaError", "grid::GridError"}  # in files of their own, which use no other room's errors
+    assert single < set(gathered)
+    named = {"/".join(name.split("::error")[0].split("::")) + "/error.rs" for name in set(gathered) - single}
+    rooms = [path for path in RUST if path.name == "error.rs" and "python" not in path.parts]
+    assert {path.relative_to(ROOT / "src").as_posix() for path in rooms} == named | {"error.rs"}
+    for path in set(rooms) - {ROOT / "src/error.rs"}:
+        assert set(re.findall(r"\bcrate::[\w:]+", code(path))) <= {"crate::error::count", "crate::error::readable"}, (
+            path
+        )
+
+
+def test_the_core_says_nothing_in_python():
+    """How to mend an error is said in `src/python/mend.rs`, in Python's words."""
+    words = re.compile(r"\bnp\.|numpy|\b[a-z_]+=[A-Z\\\\\"(]|\bcamera\.\w+\(")
+    for path in RUST:
+        if path.name == "error.rs" and "python" not in path.parts:
+            found = words.search(path.read_text("utf-8"))
+            assert not found, f"{path.relative_to(ROOT)}: {found[0]}"
 
 
 def test_the_core_is_one_with_and_without_python():

@@ -106,9 +106,10 @@ impl BrownConrady {
     /// `max_angle`, radians from the axis, makes the domain smaller.
     ///
     /// # Errors
-    /// [`Error::LensCoefficients`](crate::Error::LensCoefficients) for another count than 4, 5, 8, 12 or 14,
-    /// [`Error::LensParameter`](crate::Error::LensParameter) for what is not finite, a tilt of 90 degrees or more, or a
-    /// limit that is none, [`Error::LensFolds`](crate::Error::LensFolds) where the image folds back at once.
+    /// [`LensError::Coefficients`](crate::error::LensError::Coefficients) for another count than 4, 5, 8, 12 or 14,
+    /// [`LensError::Parameter`](crate::error::LensError::Parameter) for what is not finite, a tilt of 90 degrees or
+    /// more, or a limit that is none, [`LensError::Folds`](crate::error::LensError::Folds) where the image folds back
+    /// at once.
     pub fn new(given: &[f64], max_angle: Option<f64>) -> Result<Self> {
         const NAME: &str = "BrownConrady";
         let expected = "4, 5, 8, 12 or 14 (k1, k2, p1, p2[, k3[, k4, k5, k6[, s1, s2, s3, s4[, tau_x, tau_y]]]])";

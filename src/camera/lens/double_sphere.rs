@@ -25,9 +25,9 @@ impl DoubleSphere {
     /// A lens from xi and alpha. `max_angle`, radians from the axis, makes the domain smaller.
     ///
     /// # Errors
-    /// [`Error::LensParameter`](crate::Error::LensParameter) where xi is not above -1 and up to 1, alpha is not from 0 to
-    /// 1, or the limit is none, [`Error::LensFolds`](crate::Error::LensFolds) where the image
-    /// folds back at once.
+    /// [`LensError::Parameter`](crate::error::LensError::Parameter) where xi is not above -1 and up to 1, alpha is not
+    /// from 0 to 1, or the limit is none, [`LensError::Folds`](crate::error::LensError::Folds) where the image folds
+    /// back at once.
     pub fn new(xi: f64, alpha: f64, max_angle: Option<f64>) -> Result<Self> {
         const NAME: &str = "DoubleSphere";
         parameter(NAME, "xi", "a number above -1 and up to 1", xi, xi > -1.0 && xi <= 1.0)?;

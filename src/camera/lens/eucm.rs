@@ -22,8 +22,8 @@ impl Eucm {
     /// A lens from alpha and beta. `max_angle`, radians from the axis, makes the domain smaller.
     ///
     /// # Errors
-    /// [`Error::LensParameter`](crate::Error::LensParameter) where alpha is not from 0 to 1, beta not above 0, or the
-    /// limit is none.
+    /// [`LensError::Parameter`](crate::error::LensError::Parameter) where alpha is not from 0 to 1, beta not above 0,
+    /// or the limit is none.
     pub fn new(alpha: f64, beta: f64, max_angle: Option<f64>) -> Result<Self> {
         const NAME: &str = "Eucm";
         let expected = "a number from 0 to 1 (the order is alpha, beta)";

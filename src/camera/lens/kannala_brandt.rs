@@ -17,9 +17,9 @@ impl KannalaBrandt {
     /// A lens from k1, k2, k3, k4. `max_angle`, radians from the axis, makes the domain smaller.
     ///
     /// # Errors
-    /// [`Error::LensCoefficients`](crate::Error::LensCoefficients) for another count than 4,
-    /// [`Error::LensParameter`](crate::Error::LensParameter) for what is not finite or a limit that is none,
-    /// [`Error::LensFolds`](crate::Error::LensFolds) where the image folds back at once.
+    /// [`LensError::Coefficients`](crate::error::LensError::Coefficients) for another count than 4,
+    /// [`LensError::Parameter`](crate::error::LensError::Parameter) for what is not finite or a limit that is none,
+    /// [`LensError::Folds`](crate::error::LensError::Folds) where the image folds back at once.
     pub fn new(given: &[f64], max_angle: Option<f64>) -> Result<Self> {
         let slope = |k: &[f64; 4]| Ok([1.0, 0.0, 3.0 * k[0], 0.0, 5.0 * k[1], 0.0, 7.0 * k[2], 0.0, 9.0 * k[3]]);
         Curve::new("KannalaBrandt", "4 (k1, k2, k3, k4)", given, max_angle, slope).map(Self)

@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 
 use super::{BrownConrady, Distort, limit, listed, parameter, sees, shown};
-use crate::error::{Error, Result};
+use crate::error::{Error, LensError, Result};
 
 /// The unified omnidirectional model with radtan distortion, as KITTI-360, Kalibr (`omni`) and `cv2.omnidir` have it.
 /// `(x, y) = (X, Y) / (Z + xi |P|)`, then [`BrownConrady`] with k1, k2, p1, p2. Source: Mei and Rives 2007.
@@ -22,14 +22,14 @@ impl Mei {
     /// A lens from xi and k1, k2, p1, p2. `max_angle`, radians from the axis, makes the domain smaller.
     ///
     /// # Errors
-    /// [`Error::LensCoefficients`] for another count than 4, [`Error::LensParameter`] for what is not finite, a negative
-    /// xi, or a limit that is none, [`Error::LensFolds`] where the image folds back at once.
+    /// [`LensError::Coefficients`] for another count than 4, [`LensError::Parameter`] for what is not finite, a
+    /// negative xi, or a limit that is none, [`LensError::Folds`] where the image folds back at once.
     pub fn new(xi: f64, given: &[f64], max_angle: Option<f64>) -> Result<Self> {
         const NAME: &str = "Mei";
         const EXPECTED: &str = "4 (k1, k2, p1, p2)";
         parameter(NAME, "xi", "a finite number of at least 0", xi, xi.is_finite() && xi >= 0.0)?;
         if given.len() != 4 {
-            return Err(Error::LensCoefficients { lens: NAME, expected: EXPECTED, got: given.len() });
+            return Err(Error::Lens(LensError::Coefficients { lens: NAME, expected: EXPECTED, got: given.len() }));
         }
         for &value in given {
             parameter(NAME, "coefficients", "finite numbers", value, value.is_finite())?;
@@ -37,7 +37,9 @@ impl Mei {
         let w = if xi > 1.0 { 1.0 / xi } else { xi };
         let limit = limit(NAME, max_angle)?;
         let radtan = BrownConrady::new(given, None).map_err(|error| match error {
-            Error::LensFolds { angle, .. } => Error::LensFolds { lens: NAME, expected: EXPECTED, angle },
+            Error::Lens(LensError::Folds { angle, .. }) => {
+                Error::Lens(LensError::Folds { lens: NAME, expected: EXPECTED, angle })
+            }
             other => other,
         })?;
         let lens = Self { xi, radtan, limit: max_angle, cos_end: (-w).max(limit.cos()) };

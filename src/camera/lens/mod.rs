@@ -7,6 +7,7 @@
 mod angle;
 mod brown_conrady;
 mod double_sphere;
+pub(crate) mod error;
 mod eucm;
 mod kannala_brandt;
 mod line;
@@ -31,7 +32,7 @@ pub(crate) use ocam::Radii;
 
 use nalgebra::{Matrix3, Vector3};
 
-use crate::error::{Error, Result};
+use crate::error::{Error, LensError, Result};
 use of_angle::OfAngle;
 
 /// What a model does with a direction: the part that loops over cells are made of.
@@ -288,7 +289,7 @@ fn coefficients<const N: usize>(
     given: &[f64],
 ) -> Result<[f64; N]> {
     if !counts.contains(&given.len()) {
-        return Err(Error::LensCoefficients { lens, expected, got: given.len() });
+        return Err(Error::Lens(LensError::Coefficients { lens, expected, got: given.len() }));
     }
     let mut all = [0.0; N];
     for (own, &value) in all.iter_mut().zip(given) {
@@ -299,14 +300,18 @@ fn coefficients<const N: usize>(
 
 /// A parameter, if it holds what its model needs.
 fn parameter(lens: &'static str, name: &'static str, expected: &'static str, value: f64, holds: bool) -> Result<f64> {
-    if holds { Ok(value) } else { Err(Error::LensParameter { lens, name, expected, got: value }) }
+    if holds { Ok(value) } else { Err(Error::Lens(LensError::Parameter { lens, name, expected, got: value })) }
 }
 
 /// Refuses a lens that ends at `angle` because its image folds back almost on the axis, and not at the caller's limit.
 fn sees(lens: &'static str, expected: &'static str, angle: f64, limit: f64) -> Result<()> {
     /// Radians: the longest telephoto lens sees more, and wrong coefficients leave less.
     const NARROWEST: f64 = 1e-3;
-    if angle >= NARROWEST.min(0.999 * limit) { Ok(()) } else { Err(Error::LensFolds { lens, expected, angle }) }
+    if angle >= NARROWEST.min(0.999 * limit) {
+        Ok(())
+    } else {
+        Err(Error::Lens(LensError::Folds { lens, expected, angle }))
+    }
 }
 
 /// A limit that the caller sets, or the whole sphere but its last point, where every azimuth meets.
@@ -314,7 +319,7 @@ fn limit(lens: &'static str, max_angle: Option<f64>) -> Result<f64> {
     /// The direction straight behind has no azimuth.
     const BEHIND: f64 = std::f64::consts::PI - 1e-9;
     let Some(angle) = max_angle else { return Ok(BEHIND) };
-    let expected = "an angle from the axis in radians, above 0 and up to pi (np.radians of degrees)";
+    let expected = "an angle from the axis in radians, above 0 and up to pi";
     let holds = angle > 0.0 && angle <= std::f64::consts::PI;
     parameter(lens, "max_angle", expected, angle, holds).map(|angle| angle.min(BEHIND))
 }

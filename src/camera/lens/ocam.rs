@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 
 use super::angle::angle_from_axis;
 use super::{Distort, limit, listed, parameter, polynomial, sees, shown};
-use crate::error::{Error, Result};
+use crate::error::{Error, LensError, Result};
 
 /// Coefficients that the polynomial may have.
 const MOST: usize = 12;
@@ -94,14 +94,14 @@ impl Ocam {
     /// affine parameters (c, d, e). `max_angle`, radians from the axis, makes the domain smaller.
     ///
     /// # Errors
-    /// [`Error::LensCoefficients`] for no coefficients or more than 12, [`Error::LensParameter`] for what is not finite,
-    /// a0 = 0, an affine map that is singular or turns the image over, or a limit that is none, [`Error::LensFolds`] where
-    /// the image folds back at once.
+    /// [`LensError::Coefficients`] for no coefficients or more than 12, [`LensError::Parameter`] for what is not
+    /// finite, a0 = 0, an affine map that is singular or turns the image over, or a limit that is none,
+    /// [`LensError::Folds`] where the image folds back at once.
     pub fn new(given: &[f64], affine: [f64; 3], max_angle: Option<f64>) -> Result<Self> {
         const NAME: &str = "Ocam";
         if given.is_empty() || given.len() > MOST {
             let expected = "1 to 12 (a0, a1, a2, ..., of the direct mapping, constant first)";
-            return Err(Error::LensCoefficients { lens: NAME, expected, got: given.len() });
+            return Err(Error::Lens(LensError::Coefficients { lens: NAME, expected, got: given.len() }));
         }
         let mut polynomial = [0.0; MOST];
         for (own, &value) in polynomial.iter_mut().zip(given) {

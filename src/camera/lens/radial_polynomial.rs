@@ -17,9 +17,9 @@ impl RadialPolynomial {
     /// the domain smaller.
     ///
     /// # Errors
-    /// [`Error::LensCoefficients`](crate::Error::LensCoefficients) for another count than 4,
-    /// [`Error::LensParameter`](crate::Error::LensParameter) for what is not finite, k1 that is not positive, or a limit
-    /// that is none, [`Error::LensFolds`](crate::Error::LensFolds) where the image folds back at once.
+    /// [`LensError::Coefficients`](crate::error::LensError::Coefficients) for another count than 4,
+    /// [`LensError::Parameter`](crate::error::LensError::Parameter) for what is not finite, k1 that is not positive, or
+    /// a limit that is none, [`LensError::Folds`](crate::error::LensError::Folds) where the image folds back at once.
     pub fn new(given: &[f64], max_angle: Option<f64>) -> Result<Self> {
         const NAME: &str = "RadialPolynomial";
         let slope = |k: &[f64; 4]| {

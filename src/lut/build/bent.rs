@@ -222,7 +222,7 @@ mod tests {
     fn points_so_far_away_that_the_product_of_two_is_infinite_are_where_they_are() {
         let lens: Lens = BrownConrady::new(&[0.1, 0.02, 1e-3, -2e-3], None).unwrap().into();
         let model = Pinhole::new(700.0, 710.0, 620.0, 370.0, 0.0).unwrap();
-        let pose = crate::geometry::Pose::new("pose", Matrix3::identity(), Vector3::zeros()).unwrap();
+        let pose = crate::geometry::Pose::new(Matrix3::identity(), Vector3::zeros()).unwrap();
         let camera = Camera::new(model, (1280, 720), pose).unwrap().with_lens(lens);
         let (origin, step) = (Vector3::new(0.3, 1.2, 2.0), Vector3::new(-0.2, 0.05, 0.97));
         let row = BentRow { origin, step, intrinsics: model.matrix(), lens: &lens };
@@ -242,7 +242,7 @@ mod tests {
         ];
         for (skew, lens) in lenses().into_iter().flat_map(|lens| [(0.0, lens), (1.5, lens)]) {
             let model = Pinhole::new(700.0, 710.0, 620.0, 370.0, skew).unwrap();
-            let pose = crate::geometry::Pose::new("pose", Matrix3::identity(), Vector3::zeros()).unwrap();
+            let pose = crate::geometry::Pose::new(Matrix3::identity(), Vector3::zeros()).unwrap();
             let camera = Camera::new(model, (1280, 720), pose).unwrap().with_lens(lens);
             for (origin, step) in lines.map(|(origin, step)| (Vector3::from(origin), Vector3::from(step))) {
                 let row = BentRow { origin, step, intrinsics: model.matrix(), lens: &lens };

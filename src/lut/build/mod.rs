@@ -20,7 +20,7 @@ use window::Window;
 use super::{Lut, Scene};
 use crate::camera::Camera;
 use crate::cpu::Isa;
-use crate::error::{Error, Result};
+use crate::error::{Error, LutError, Result, ViewError};
 use crate::grid::BevGrid;
 use crate::ground::{Ground, Plane};
 use crate::kernels::Row;
@@ -59,8 +59,9 @@ impl Lut {
     /// camera, which sees it edge-on. [`Lut::plausibility`] says what is odd.
     ///
     /// # Errors
-    /// [`Error::OutOfMemory`] where there is no memory for the table, [`Error::Isa`] where the environment variable
-    /// IPM_RS_ISA names no instruction set that is available. Camera, grid and ground were checked when they were made.
+    /// [`Error::OutOfMemory`] where there is no memory for the table, [`IsaError`](crate::error::IsaError) where the
+    /// environment variable IPM_RS_ISA names no instruction set that is available. Camera, grid and ground were checked
+    /// when they were made.
     pub fn new(camera: &Camera, grid: &BevGrid, ground: &Ground) -> Result<Self> {
         let isa = Isa::active()?;
         let ys = Row::collected((0..grid.columns()).map(|column| grid.y_of_column(column as f64)))?;
@@ -113,8 +114,10 @@ impl Lut {
     /// and infinite entries sample nothing. Row-major, `columns` to a row.
     ///
     /// # Errors
-    /// [`Error::MapLength`] where the maps differ in length or are no whole number of rows, [`Error::EmptyImage`]
-    /// where they are empty, [`Error::ImageSize`], [`Error::TooManyCells`], [`Error::OutOfMemory`] and [`Error::Isa`].
+    /// [`LutError::MapLength`] where the maps differ in length or are no whole number of rows,
+    /// [`ViewError::EmptyImage`] where they are empty, [`ViewError::ImageSize`],
+    /// [`TableError::TooManyCells`](crate::error::TableError::TooManyCells), [`Error::OutOfMemory`] and
+    /// [`IsaError`](crate::error::IsaError).
     pub fn from_maps<T: Copy + Into<f64> + Sync>(
         map_x: &[T],
         map_y: &[T],
@@ -124,10 +127,15 @@ impl Lut {
         let source = check_image_size("source_size", source_size.0.into(), source_size.1.into())?;
         let rows = map_x.len().checked_div(columns).unwrap_or(0);
         if rows == 0 {
-            return Err(Error::EmptyImage { what: "map_x", width: columns, height: rows, channels: 1 });
+            return Err(Error::View(ViewError::EmptyImage {
+                what: "map_x",
+                width: columns,
+                height: rows,
+                channels: 1,
+            }));
         }
         if map_x.len() != map_y.len() || rows * columns != map_x.len() {
-            return Err(Error::MapLength { expected: map_x.len(), got: map_y.len() });
+            return Err(Error::Lut(LutError::MapLength { expected: map_x.len(), got: map_y.len() }));
         }
         let table = Table::build((rows, columns), source, Isa::active()?, |row, us, vs| {
             let cells = row * columns..(row + 1) * columns;
@@ -142,8 +150,9 @@ impl Lut {
     /// component sample the image, because a homography's sign is arbitrary; where it is 0 there is nothing.
     ///
     /// # Errors
-    /// [`Error::Homography`] where the matrix is singular or not finite, [`Error::ImageSize`], [`Error::TooManyCells`],
-    /// [`Error::OutOfMemory`] and [`Error::Isa`].
+    /// [`LutError::Homography`] where the matrix is singular or not finite, [`ViewError::ImageSize`],
+    /// [`TableError::TooManyCells`](crate::error::TableError::TooManyCells), [`Error::OutOfMemory`] and
+    /// [`IsaError`](crate::error::IsaError).
     pub fn from_homography(m: &Matrix3<f64>, size: (u32, u32), source_size: (u32, u32)) -> Result<Self> {
         check_homography(m)?;
         let size = check_image_size("size", size.0.into(), size.1.into())?;
@@ -168,7 +177,7 @@ pub(crate) fn check_homography(m: &Matrix3<f64>) -> Result<()> {
         return Ok(());
     };
     let got = std::array::from_fn(|row| std::array::from_fn(|column| m[(row, column)]));
-    Err(Error::Homography { got, problem })
+    Err(Error::Lut(LutError::Homography { got, problem }))
 }
 
 /// Row `row` of the output under a homography from output pixel to source pixel.

@@ -73,7 +73,7 @@ impl Table {
     /// which cells it wrote; the others are outside.
     ///
     /// # Errors
-    /// [`Error::TooManyCells`] and [`Error::OutOfMemory`].
+    /// [`TableError::TooManyCells`](crate::error::TableError::TooManyCells) and [`Error::OutOfMemory`].
     pub(in crate::lut) fn build(
         (rows, columns): (usize, usize),
         source: (u32, u32),

@@ -182,7 +182,7 @@ impl<'py> Call<'py> {
         let py = self.depth.dtype().py();
         let (width, height) = points_size(self.depth.size(), self.options.stride);
         let (shape, kind) = ([height, width, 3], dtype::<O>(py));
-        check_points("depth", (width, height), "use stride or camera.cropped()")?; // before it is allocated
+        check_points("depth", (width, height))?; // before it is allocated
         let out = match self.out.array() {
             Some(out) => {
                 let dtype = (&kind, "that of dtype=", "dtype");

@@ -11,6 +11,7 @@ use crate::geometry::{OPTICAL_FROM_FLU, Pose};
 use crate::python::camera::PyCamera;
 use crate::python::convert::{float, matrix3, matrix4, tuple_text, word};
 use crate::python::error::classes::{ArgumentError, DtypeError, ImageError};
+use crate::python::error::of_argument;
 use crate::python::image::ImageArray;
 use crate::python::layout::Layout;
 use crate::{Camera, Pinhole};
@@ -133,10 +134,10 @@ impl View<'_> {
 /// `frame_from_camera` of `"camera"`, `"flu"`, `"vehicle"` or a (4, 4) pose.
 pub(super) fn frame(object: Option<&Bound<'_, PyAny>>, viewer: &Viewer<'_>) -> PyResult<Pose> {
     let expected = "frame: expected \"camera\", \"flu\", \"vehicle\" or a (4, 4) pose dst_from_camera";
-    let rotated = |rotation| Pose::new("frame", rotation, Vector3::zeros());
+    let rotated = |rotation| Pose::new(rotation, Vector3::zeros());
     let Some(object) = object else { return Ok(rotated(nalgebra::Matrix3::identity())?) };
     if !object.is_instance_of::<PyString>() {
-        return Ok(Pose::from_matrix("frame", &matrix4("frame", object)?)?);
+        return Pose::from_matrix(&matrix4("frame", object)?).map_err(|error| of_argument("frame", error));
     }
     match word(expected, object)?.as_ref() {
         "camera" => Ok(rotated(nalgebra::Matrix3::identity())?),

@@ -81,7 +81,7 @@ fn render_as<'py, T: PointSample>(
     let read = points.read()?;
     let view = read.view::<T>()?;
     let shape = [camera.image_size().1 as usize, camera.image_size().0 as usize];
-    check_points("camera", (shape[1], shape[0]), "use camera.resized()")?; // before it is allocated
+    check_points("camera", (shape[1], shape[0]))?; // before it is allocated
     let depth = ImageArray::allocate(&shape, dtype::<f32>(py), Layout::Hwc)?;
     let index = ImageArray::allocate(&shape, dtype::<i64>(py), Layout::Hwc)?;
     {
@@ -138,7 +138,7 @@ fn border<T: Sample>(values: &Values<'_>) -> PyResult<Vec<T>> {
     match border.len() {
         1 => Ok(buffer::filled("border_value", columns, border[0])?),
         got if got == columns => Ok(border),
-        got => Err(crate::Error::BorderChannels { expected: columns, got }.into()),
+        got => Err(crate::error::ViewError::BorderChannels { expected: columns, got }.into()),
     }
 }
 

@@ -49,7 +49,7 @@ pub trait Area: Sized {
     /// Warps images that fit the table, the options and the outputs; `border` has a value for each channel or plane.
     ///
     /// # Errors
-    /// [`Error::AreaSize`](crate::Error::AreaSize) and [`Error::OutOfMemory`](crate::Error::OutOfMemory).
+    /// [`LutError::AreaSize`](crate::error::LutError::AreaSize) and [`Error::OutOfMemory`](crate::Error::OutOfMemory).
     fn area(
         lut: &Lut,
         images: &[ImageView<'_, Self>],

@@ -26,7 +26,7 @@ impl Plan {
     /// The plan of a table.
     ///
     /// # Errors
-    /// [`Error::AreaSize`], [`Error::OutOfMemory`] and [`Error::Interrupted`].
+    /// [`LutError::AreaSize`](crate::error::LutError::AreaSize), [`Error::OutOfMemory`] and [`Error::Interrupted`].
     pub(crate) fn new(isa: Isa, table: &Table) -> Result<Self> {
         check_sides(table.source())?;
         let (rows, columns) = (table.rows(), table.columns());

@@ -1,0 +1,27 @@
+//! What is wrong with a table.
+
+use crate::error::count;
+
+/// A table that cannot be.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum TableError {
+    /// Bytes that are not a table this version wrote.
+    #[error("Lut: expected the bytes of a table, got damaged or foreign data ({problem}); build it again")]
+    Damaged {
+        /// What was found first.
+        problem: &'static str,
+    },
+    /// More cells than a table may hold.
+    #[error(
+        "{} x {} cells are more than the {limit} that one table or one picture without a table may hold; use a coarser resolution or a smaller output", count(*rows), count(*columns)
+    )]
+    TooManyCells {
+        /// Rows, as a float because it may not fit an integer.
+        rows: f64,
+        /// Columns, likewise.
+        columns: f64,
+        /// The limit.
+        limit: usize,
+    },
+}
