@@ -80,7 +80,7 @@ impl Isa {
         ACTIVE.get_or_init(choose).clone()
     }
 
-    /// Itself if this CPU can run it.
+    /// This instruction set, if the CPU can run it.
     ///
     /// # Errors
     /// [`IsaError`].

@@ -168,7 +168,7 @@ fn linear(pairs: &[([f64; 2], [f64; 2])]) -> Result<Matrix3<f64>> {
     }
 }
 
-/// The same homography with a third component that is positive at all points, and 1 at their centre.
+/// The homography scaled so that its third component is positive at all points, and 1 at their centre.
 fn oriented(pairs: &[([f64; 2], [f64; 2])], h: Matrix3<f64>) -> Result<Matrix3<f64>> {
     let third = |ground: [f64; 2]| h[(2, 0)] * ground[0] + h[(2, 1)] * ground[1] + h[(2, 2)];
     let before = pairs.iter().filter(|pair| third(pair.1) > 0.0).count();

@@ -20,7 +20,7 @@ const CUT_OFF: f64 = 1e-6;
 struct Crossing {
     /// Way along the ray, in lengths of its direction, to where it enters.
     start: f64,
-    /// The same to where it leaves.
+    /// Way along the ray, in lengths of its direction, to where it leaves.
     end: f64,
     length: f64,
     a: f64,

@@ -121,7 +121,7 @@ pub(crate) type CopyKernel<T> = fn(&Source<'_, T>, &[u32], &mut [T]);
 /// Fills neighbouring cells of as many outputs as there are images, all of one channel and of rows that are back to back.
 pub(crate) type PlanesKernel<T> = fn(&[Source<'_, T>; 4], &[Tap], [&mut [T]; 4]);
 
-/// The same with exact fractions, of kind `F`.
+/// Fills neighbouring cells from exact coordinates, whose fractions are of kind `F`.
 pub(crate) type ExactKernel<T, F> = fn(&Source<'_, T>, Exact<'_, F>, &mut [T]);
 
 /// Neighbouring footprints that are averaged alike, and where their probes lie: at centre + along a + down d, for each

@@ -64,7 +64,8 @@ impl Kinds {
         Ok(runs(isa, row, kinds, all_inside))
     }
 
-    /// The same without taps, for coordinates that are not rounded: inside is all that lies before the last pixel.
+    /// The spans of a row without taps, for coordinates that are not rounded: inside is all that lies before the last
+    /// pixel.
     pub(crate) fn sort<'a>(
         &'a mut self,
         isa: Isa,

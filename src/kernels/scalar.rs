@@ -96,7 +96,7 @@ pub(super) fn bilinear_edge<T: Blend, const CHANNELS: usize>(source: &Source<'_,
     }
 }
 
-/// The same from exact coordinates, which are above -1.
+/// Bilinear of cells on the rim and in the halo, from exact coordinates, which are above -1.
 pub(super) fn exact_edge<F: Fraction, T: Blend<Weights = (F, F)>>(
     source: &Source<'_, T>,
     [us, vs]: [&[f64]; 2],

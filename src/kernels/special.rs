@@ -209,7 +209,7 @@ pub(super) fn planes_f32(isa: Isa) -> Option<PlanesKernel<f32>> {
     )
 }
 
-/// The same with exact fractions.
+/// Bilinear of float32 with exact fractions.
 pub(super) fn exact_f32(isa: Isa, channels: usize) -> Option<ExactKernel<f32, f32>> {
     kernel_f32!(isa, channels)
 }
@@ -246,7 +246,7 @@ pub(super) fn compiled<T: Blend>(isa: Isa, channels: usize) -> Option<RowKernel<
     kernel_compiled!(isa, channels)
 }
 
-/// The same with exact fractions.
+/// Bilinear with exact fractions, of samples that have no kernels by hand.
 pub(super) fn compiled_exact<F: Float, T: ExactBlend<F>>(isa: Isa, channels: usize) -> Option<ExactKernel<T, F>> {
     kernel_compiled!(isa, channels)
 }

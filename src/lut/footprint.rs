@@ -42,7 +42,7 @@ pub(crate) struct Coordinates {
 const LEAD: usize = LANES;
 
 impl Coordinates {
-    /// Those of a row of a table without an image.
+    /// The coordinates of a row of which no cell sees the image.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`](crate::Error::OutOfMemory).
@@ -169,7 +169,7 @@ impl Sides {
         self.read_columns(isa, near.each_ref(), columns);
     }
 
-    /// The same for some columns only.
+    /// Works them out for some columns of the middle one of three rows.
     pub(crate) fn read_columns(&mut self, isa: Isa, [above, here, below]: [&Coordinates; 3], columns: Range<usize>) {
         let Self([ax, ay, bx, by]) = self;
         let (above, here, below) = (above.axes(), here.axes(), below.axes());
@@ -180,12 +180,12 @@ impl Sides {
         }
     }
 
-    /// Those of some columns: x along, y along, x down and y down.
+    /// The sides of the cells in some columns: x along, y along, x down and y down.
     pub(crate) fn columns(&self, columns: Range<usize>) -> [&[i32]; 4] {
         [0, 1, 2, 3].map(|side| &self.0[side][columns.clone()])
     }
 
-    /// Those of one cell.
+    /// The sides of one cell: x along, y along, x down and y down.
     pub(crate) fn of(&self, cell: usize) -> [i32; 4] {
         [0, 1, 2, 3].map(|side| self.0[side][cell])
     }

@@ -106,7 +106,7 @@ impl Lut {
         Self { table, scene: None, derived: Derived::default() }
     }
 
-    /// The same table, said to be that of a scene.
+    /// This table as that of a scene: of this camera, grid and road.
     ///
     /// # Errors
     /// [`TableError::Damaged`] where their sizes differ.

@@ -69,10 +69,10 @@ pub enum Reduce {
 }
 
 impl Reduce {
-    /// All of them.
+    /// Every reduction.
     pub const ALL: [Self; 7] = [Self::Count, Self::Density, Self::Min, Self::Max, Self::Mean, Self::Last, Self::Top];
 
-    /// Its name in Python.
+    /// Its name.
     pub fn name(self) -> &'static str {
         match self {
             Self::Count => "count",

@@ -102,7 +102,7 @@ pub(super) struct Builder {
     pieces: Pieces,
     /// The cells of the piece that is not in `pieces` yet.
     open: Range<usize>,
-    /// Its tables, the one of the largest weight first, and for each the weights of its cells.
+    /// The tables of that piece, the one of the largest weight first, and for each the weights of the piece's cells.
     tables: Vec<u8>,
     weights: Vec<Vec<u16>>,
 }

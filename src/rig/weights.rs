@@ -102,9 +102,11 @@ struct Contest<'a> {
     views: &'a [View],
     /// Made when a view first takes part.
     resolutions: Vec<Option<Resolution<'a>>>,
-    /// Of the best view so far, which is in `winner`, and of another.
+    /// Each cell's resolution by the best view so far.
     best: Vec<f32>,
+    /// Each cell's resolution by the view that is compared with it.
     other: Vec<f32>,
+    /// Which view is the best so far.
     winner: Vec<u8>,
 }
 

@@ -62,7 +62,7 @@ pub(crate) struct Span<'a> {
 }
 
 impl Span<'_> {
-    /// Those of its cells that are in these columns, some of which are.
+    /// The part of the span that is in these columns, which is at least a cell.
     pub(crate) fn part(&self, columns: &Range<usize>) -> Self {
         let skip = columns.start.saturating_sub(self.first);
         let cells = self.cells.min(columns.end - self.first) - skip;

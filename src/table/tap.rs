@@ -44,11 +44,11 @@ impl SpanKind {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[repr(C, align(8))] // one number to the kernels
 pub(crate) struct Tap {
-    /// Of the top-left pixel; counted as the span's kind says.
+    /// Where the top-left pixel is; whether it is counted with a frame around the source, the span's kind says.
     pub(crate) offset: u32,
     /// Q15 fraction along x, and [`STEP`].
     pub(crate) x: u16,
-    /// The same along y.
+    /// Q15 fraction along y, and [`STEP`].
     pub(crate) y: u16,
 }
 

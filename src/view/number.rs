@@ -33,7 +33,7 @@ pub(crate) fn as_bytes_mut<T: Sample>(samples: &mut [T]) -> &mut [u8] {
 
 /// A number that a depth image may consist of: `u16`, `f32` and `f64`.
 pub trait DepthSample: Sample {
-    /// The same number.
+    /// The number in float64, which holds each of these types exactly.
     fn to_f64(self) -> f64;
 }
 

@@ -57,7 +57,7 @@ pub enum Mapping<'a> {
     /// Cell i samples at (`maps.0[i]`, `maps.1[i]`), row-major, as `cv2.remap`. NaN and infinity give the border value in
     /// every mode.
     MapsF32(&'a [f32], &'a [f32]),
-    /// The same in float64.
+    /// Maps as those of [`Mapping::MapsF32`], in float64.
     MapsF64(&'a [f64], &'a [f64]),
     /// From output pixel (column, row, 1) to source pixel, `cv2.WARP_INVERSE_MAP`'s direction; invert the matrix for the
     /// other. Both signs of the third component sample the image, because a homography's sign is arbitrary.
@@ -119,7 +119,7 @@ pub fn warp_direct_into<T: Bilinear>(
     }
 }
 
-/// The same with nearest, for samples of any kind; `options.interpolation` is not looked at.
+/// [`warp_direct_into`] with nearest, for samples of any kind; `options.interpolation` is not looked at.
 ///
 /// # Errors
 /// Those of [`warp_direct_into`].

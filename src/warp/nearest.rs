@@ -1,4 +1,7 @@
 //! The nearest pixel of every cell as one number: half the memory that a warp reads of a table, and nothing to work out.
+//!
+//! Which pixel is nearest was decided when the table was built: halves go to the even one, as `np.round` rounds, and a
+//! [`Tap`] holds the decision as [`Tap::step_x`] and [`Tap::step_y`]; `kernels::quantise` makes it.
 
 use crate::cpu::{self, Body, Isa};
 use crate::error::Result;
@@ -17,7 +20,7 @@ pub(super) struct NearestPixels {
 }
 
 impl NearestPixels {
-    /// Those of the cells whose four pixels exist; what stands for others is not looked at.
+    /// The nearest pixels of the cells whose four pixels exist; what stands for other cells is not looked at.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`](crate::Error::OutOfMemory) and [`Error::Interrupted`](crate::Error::Interrupted).
@@ -34,7 +37,7 @@ impl NearestPixels {
         Ok(Self { pixels })
     }
 
-    /// Those of a span of a band.
+    /// The nearest pixels of a span of a band.
     #[inline]
     pub(super) fn of(&self, table: &Table, band: &Band<'_>, span: &Span<'_>) -> &[u32] {
         let first = band.rows.start * table.columns() + span.first_tap;

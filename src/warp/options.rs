@@ -35,7 +35,7 @@ impl Interpolation {
         }
     }
 
-    /// Itself if a warp without a table can do it.
+    /// This interpolation, if a warp without a table can do it.
     ///
     /// # Errors
     /// [`WarpError::NeedsTable`].

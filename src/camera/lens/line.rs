@@ -8,9 +8,9 @@ use nalgebra::{Vector2, Vector3};
 /// the line is a function of it alone.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Line {
-    /// Its point nearest to the axis.
+    /// The point of the line that is nearest to the axis.
     pub(crate) foot: Vector2<f64>,
-    /// Its direction, at a right angle to the foot.
+    /// The direction of the line, at a right angle to the way from the axis to its foot.
     pub(crate) along: Vector2<f64>,
     /// See above.
     pub(crate) shift: f64,

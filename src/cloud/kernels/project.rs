@@ -51,7 +51,7 @@ impl<T: PointSample, const S: usize> Body for ProjectPinhole<'_, T, S> {
     }
 }
 
-/// The same through a lens, with its arithmetic of single points.
+/// Projects points through a lens, with the arithmetic that single points have.
 ///
 /// In passes over blocks: each is a loop of one kind, which the compiler makes vectors of, and what lies between them stays
 /// in the first cache. In one loop, with points in and pixels out that are three and two numbers wide, it makes vectors of

@@ -242,7 +242,7 @@ impl Finish {
     }
 }
 
-/// The same where wide loads would leave the image.
+/// Averages the probes cell by cell, where wide loads would leave the image.
 #[cold]
 #[target_feature(enable = "avx2")]
 fn one_by_one<const CHANNELS: usize>(

@@ -114,7 +114,7 @@ impl Fractions {
         }
     }
 
-    /// Those of cells 4 `quad` to 4 `quad` + 3, each in four lanes.
+    /// The fractions of cells 4 `quad` to 4 `quad` + 3, each in four lanes.
     #[inline]
     #[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512vbmi,avx512vnni")]
     fn quad(self, quad: usize) -> Self {
@@ -122,7 +122,7 @@ impl Fractions {
         Self { x: _mm512_permutexvar_ps(cells, self.x), y: _mm512_permutexvar_ps(cells, self.y) }
     }
 
-    /// Those of cells 8 `octet` to 8 `octet` + 7, each in two lanes.
+    /// The fractions of cells 8 `octet` to 8 `octet` + 7, each in two lanes.
     #[inline]
     #[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512vbmi,avx512vnni")]
     pub(super) fn octet(self, octet: usize) -> Self {

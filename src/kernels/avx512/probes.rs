@@ -334,7 +334,7 @@ fn store<const CHANNELS: usize>(sixteen: __m512i, first: usize, cells: &mut [u8]
     cells.copy_from_slice(&all[first * CHANNELS..][..cells.len()]);
 }
 
-/// The same where wide loads would leave the image.
+/// Averages the probes cell by cell, where wide loads would leave the image.
 #[cold]
 #[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512vbmi,avx512vnni")]
 fn one_by_one<const CHANNELS: usize>(

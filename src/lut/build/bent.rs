@@ -31,7 +31,7 @@ pub(crate) struct Offsets {
     z: Row,
 }
 
-/// Those of some cells.
+/// [`Offsets`] of some neighbouring cells.
 #[derive(Clone, Copy)]
 pub(crate) struct OffsetsOf<'a> {
     t: &'a [f64],
@@ -41,13 +41,13 @@ pub(crate) struct OffsetsOf<'a> {
 }
 
 impl Offsets {
-    /// Those of rows with this step.
+    /// The offsets of rows whose points lie at `step * t` from their origin, for each of `ts`.
     pub(crate) fn along(step: &Vector3<f64>, ts: &[f64]) -> Result<Self> {
         let times = |step: f64| Row::collected(ts.iter().map(|t| step * t));
         Ok(Self { t: times(1.0)?, x: times(step.x)?, y: times(step.y)?, z: times(step.z)? })
     }
 
-    /// Those of these cells.
+    /// The offsets of these cells.
     pub(crate) fn of(&self, cells: Range<usize>) -> OffsetsOf<'_> {
         let [t, x, y, z] = [&self.t, &self.x, &self.y, &self.z].map(|axis| &axis[cells.clone()]);
         OffsetsOf { t, x, y, z }

@@ -34,19 +34,19 @@ struct GroundRow {
 }
 
 impl GroundRow {
-    /// Its point at y = 0, for the row at `x`.
+    /// The road point at (`x`, 0), in the camera frame.
     fn origin(camera: &Camera, plane: &Plane, x: f64) -> Vector3<f64> {
         camera.camera_from_vehicle().transform(&Vector3::new(x, 0.0, plane.height_at(x, 0.0)))
     }
 
-    /// How it moves with y: all rows alike.
+    /// How far a point moves in the camera frame for each metre of y, the same in all rows.
     fn step(camera: &Camera, plane: &Plane) -> Vector3<f64> {
         let rotation = camera.camera_from_vehicle().rotation();
         let [_, _, bank] = plane.coefficients();
         rotation.column(1) + rotation.column(2) * bank
     }
 
-    /// Its pixels, as a pinhole sees it.
+    /// The row's pixels, as a pinhole sees them.
     fn projected(&self, intrinsics: &Matrix3<f64>) -> ProjectiveRow {
         ProjectiveRow { origin: intrinsics * self.origin, step: intrinsics * self.step, culled: true }
     }

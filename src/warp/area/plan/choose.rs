@@ -35,12 +35,12 @@ fn body(largest: [u32; 2], sides: [&[f32]; 4], patterns: &mut [u32]) {
     /// Where the road is seen from so far above that footprints are no longer slivers, all cells near the camera are as
     /// good as the source allows, and lattices and boxes show: they are finer by this there, see [`steepness`].
     const STEEP: f32 = 8.0;
-    /// Of a step between two sizes of boxes, how much is rounded up: 2^0.29. With 1.32, 10 cm cells take a tenth less time,
+    /// How much of a step between two sizes of boxes is rounded up: 2^0.29. With 1.32, 10 cm cells take a tenth less time,
     /// but slivers of ten pixels are worse by 0.1 dB. Less to boxes of two pixels: with 1.32, slivers of two pixels were worse
     /// than bilinear by 0.13 dB; with 1, 5 x 2.5 cm cells took half as long again.
     const UP: f32 = 1.22;
     const UP_TO_TWO: f32 = 1.15;
-    /// The same where the lattice is known: 2^0.32.
+    /// How much of a step between two sizes of boxes is rounded up where the lattice is known: 2^0.32.
     const UP_LEFT: f32 = 1.25;
     let count = patterns.len();
     let [ax, ay, bx, by] = sides.map(|side| &side[..count]);

@@ -9,11 +9,11 @@ use crate::kernels::Row;
 use crate::lut::footprint::{Coordinates, OUTSIDE};
 use crate::table::block::{LANES, Size, lanes};
 
-/// Of a row of blocks the least and the greatest coordinates of each column, of x and of y. Column by column, so that vectors
-/// hold sixteen columns whatever the blocks are: a third of the time of block by block, for 10 cm cells.
+/// The least and the greatest x and y that each column of a row of blocks samples. Column by column, so that vectors hold
+/// sixteen columns whatever the blocks are: a third of the time of block by block, for 10 cm cells.
 #[derive(Debug)]
 pub(super) struct ColumnBounds {
-    /// Less 1.
+    /// The least coordinate of each column, less 1.
     least: [Row<i32>; 2],
     greatest: [Row<i32>; 2],
 }
@@ -48,8 +48,8 @@ impl ColumnBounds {
         }
     }
 
-    /// Those of x and of y of neighbouring blocks of so many columns, the first of which begins at the `first`-th cell; of
-    /// narrow blocks those of the next ones too.
+    /// The bounds of x and of y of neighbouring blocks that are `columns` wide, the first of which begins at the `first`-th
+    /// cell. Where blocks are narrow, the bounds of the next ones are written too.
     pub(super) fn of_blocks(&self, isa: Isa, first: usize, columns: usize, bounds: [&mut [QuarterBounds]; 2]) {
         for (axis, bounds) in bounds.into_iter().enumerate() {
             let [least, greatest] = [&self.least[axis], &self.greatest[axis]].map(|row| &row[first..]);

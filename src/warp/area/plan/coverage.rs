@@ -74,7 +74,7 @@ impl LevelCoverages {
         Ok(())
     }
 
-    /// Those of all, which are committed.
+    /// The coverage of all bands together, with what each had not committed yet.
     pub(super) fn merged(parts: Vec<Self>) -> Result<Self> {
         let mut parts = parts.into_iter();
         let mut all = parts.next().unwrap_or_default();

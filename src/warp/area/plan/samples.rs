@@ -95,7 +95,7 @@ enum Seen {
 }
 
 impl Seen {
-    /// Of the block whose cells begin at the `first`-th of each row.
+    /// What the block sees whose cells begin at the `first`-th of each row.
     #[inline]
     fn new([before, upper, lower, after]: &Middle, size: Size, first: usize) -> Self {
         /// A byte for each column of a block that it has.

@@ -13,7 +13,7 @@ pub(super) struct VarianceMatch {
 }
 
 impl VarianceMatch {
-    /// Those of footprints of sides (x, y) along and (x, y) down, in pixels, and of these patterns.
+    /// The factors for footprints whose sides are (x, y) along and (x, y) down, in pixels, sampled by these patterns.
     pub(super) fn new(isa: Isa, sides: &[[f32; BATCH]; 4], patterns: &[u32; BATCH]) -> Self {
         let mut into = Self { xx: [1.0; BATCH], yx: [0.0; BATCH], yy: [1.0; BATCH] };
         let (sides, patterns) = (sides.each_ref().map(|side| &side[..]), &patterns[..]);
