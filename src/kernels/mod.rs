@@ -47,9 +47,9 @@ pub(crate) use unpack::{FRACTION_BITS, unpack};
 pub(crate) use widen::widen;
 
 use crate::cpu::Isa;
-use crate::table::Tap;
 use crate::table::block::Block;
 use crate::table::block::Size;
+use crate::table::{SpanKind, Tap};
 use crate::view::{ImageView, Sample, as_bytes, as_bytes_mut};
 
 /// What a kernel reads: the image and the border value of each channel.
@@ -188,6 +188,16 @@ pub(crate) struct RowKernels<T> {
 }
 
 impl<T: Sample> RowKernels<T> {
+    /// Fills neighbouring cells of one kind, those outside with the border value.
+    #[inline]
+    pub(crate) fn fill(&self, kind: SpanKind, source: &Source<'_, T>, taps: &[Tap], cells: &mut [T]) {
+        match kind {
+            SpanKind::Outside => source.fill_border(cells),
+            SpanKind::Inside => (self.inside)(source, taps, cells),
+            SpanKind::Rim | SpanKind::Halo => (self.edge)(source, taps, cells),
+        }
+    }
+
     /// Nearest.
     pub(crate) fn nearest(isa: Isa, channels: usize, contiguous: bool) -> Self {
         let special = special::nearest(isa, channels * size_of::<T>());

@@ -6,7 +6,7 @@ use crate::error::{Error, Result, RigError, ViewError, WarpError};
 use crate::kernels::{RowKernels, Source};
 use crate::lut::Lut;
 use crate::parallel;
-use crate::table::{Span, SpanKind};
+use crate::table::Span;
 use crate::view::{F16, ImageView, ImageViewMut, Sample, buffer};
 use crate::warp::{Bilinear, Interpolation, WarpOptions};
 
@@ -334,13 +334,8 @@ impl<'a, T: Sample, I: Iterator<Item = Span<'a>>> RowOf<'a, T, I> {
             let skip = first - span.first;
             let count = (span.cells - skip).min(cells.len() / channels);
             let (own, rest) = std::mem::take(&mut cells).split_at_mut(count * channels);
-            match span.kind {
-                SpanKind::Outside => self.source.fill_border(own),
-                SpanKind::Inside => (self.kernels.inside)(self.source, &span.taps[skip..skip + count], own),
-                SpanKind::Rim | SpanKind::Halo => {
-                    (self.kernels.edge)(self.source, &span.taps[skip..skip + count], own);
-                }
-            }
+            let taps = if span.taps.is_empty() { span.taps } else { &span.taps[skip..skip + count] };
+            self.kernels.fill(span.kind, self.source, taps, own);
             self.span = Some(span);
             (first, cells) = (first + count, rest);
         }

@@ -1,6 +1,7 @@
 //! `mode`: each cell is the id that most of its footprint on the source has. For label images, of which averages mean
 //! nothing and of which nearest loses what is thinner than a cell.
 
+use super::options::border_of;
 use super::{WarpOptions, check};
 use crate::cpu::Isa;
 use crate::error::{Error, Result, WarpError};
@@ -10,7 +11,6 @@ use crate::lut::Lut;
 use crate::lut::footprint::{Coordinates, Sides, check_sides};
 use crate::parallel::{self, check_interrupt};
 use crate::table::pattern::SamplePattern;
-use crate::table::{Span, SpanKind};
 use crate::view::buffer;
 use crate::view::{ImageView, ImageViewMut, RowsMut, Sample};
 
@@ -45,8 +45,7 @@ impl Lut {
         let threads = options.threads_for(rows * columns * images.len(), channels)?;
         let band_rows = parallel::rows_per_band(rows, columns, threads);
         for (index, (labels, out)) in labels.iter().zip(outs).enumerate() {
-            let own = if border.len() == channels { 0 } else { index % border.len() };
-            let source = Source::new(labels.image, &border[own..own + channels]);
+            let source = Source::new(labels.image, border_of(&border, channels, index));
             let job = Job { lut: self, isa, labels, source: &source, kernels: &kernels };
             parallel::for_each(threads, out.bands(band_rows), |(first, band)| job.run(first, band))?;
         }
@@ -130,7 +129,10 @@ impl<T: Sample + Ord> Job<'_, T> {
         for (row, cells) in (first..).zip(rows) {
             near[2].read(self.isa, table, Some(row + 1));
             sides.read(self.isa, &near);
-            table.row(row).for_each(|span| self.nearest(span, cells));
+            for span in table.row(row) {
+                let own = span.first * channels..(span.first + span.cells) * channels;
+                self.kernels.fill(span.kind, self.source, span.taps, &mut cells[own]);
+            }
             for (cell, values) in cells.chunks_exact_mut(channels).enumerate() {
                 if near[1].is_valid(cell) {
                     self.cell(near[1].at(cell), sides.of(cell), values, &mut votes);
@@ -139,16 +141,6 @@ impl<T: Sample + Ord> Job<'_, T> {
             near.rotate_left(1);
         }
         Ok(())
-    }
-
-    fn nearest(&self, span: Span<'_>, cells: &mut [T]) {
-        let channels = self.source.channels();
-        let cells = &mut cells[span.first * channels..(span.first + span.cells) * channels];
-        match span.kind {
-            SpanKind::Outside => self.source.fill_border(cells),
-            SpanKind::Inside => (self.kernels.inside)(self.source, span.taps, cells),
-            SpanKind::Rim | SpanKind::Halo => (self.kernels.edge)(self.source, span.taps, cells),
-        }
     }
 
     /// Replaces the nearest pixel of a cell by the majority of its footprint, if that is larger than a pixel.

@@ -118,3 +118,9 @@ impl<T: Bilinear> WarpOptions<T> {
         }
     }
 }
+
+/// The border value of the `index`-th image, of one for each channel or for each plane in turn.
+pub(super) fn border_of<T>(border: &[T], channels: usize, index: usize) -> &[T] {
+    let first = if border.len() == channels { 0 } else { index % border.len() };
+    &border[first..first + channels]
+}

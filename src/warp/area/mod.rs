@@ -14,6 +14,7 @@ mod stand_in;
 
 use std::slice;
 
+use super::options::border_of;
 use super::{Bilinear, WarpOptions};
 use crate::cpu::Isa;
 use crate::error::Result;
@@ -90,9 +91,7 @@ fn warp<T: Bilinear + Average>(
     let threads = options.threads_for(rows * columns * WORK, channels)?;
     let mut room = ScratchLease::new(plan, channels * size_of::<T>())?;
     for (index, (image, out)) in images.iter().zip(outs).enumerate() {
-        // of one value for each channel, all; of one for each plane, its own
-        let own = if border.len() == channels { 0 } else { index % border.len() };
-        let source = Source::new(image, &border[own..own + channels]);
+        let source = Source::new(image, border_of(border, channels, index));
         let levels = Levels::new(plan, image, &mut room, (isa, threads))?;
         let job = Job {
             lut,

@@ -13,6 +13,7 @@ use crate::view::buffer;
 use crate::view::{ImageView, ImageViewMut, Sample};
 use crate::warp::Bilinear;
 use crate::warp::WarpOptions;
+use crate::warp::options::border_of;
 
 /// A sample and the one that stands in for it.
 pub(super) trait StandIn: Sample {
@@ -82,9 +83,7 @@ pub(super) fn warp_by_stand_in<T: StandIn>(
             }
             Ok(())
         })?;
-        // of one value for each channel, all; of one for each plane, its own
-        let own = if border.len() == channels { 0 } else { index % border.len() };
-        let border = border[own..own + channels].iter().map(|value| value.into_stand_in());
+        let border = border_of(border, channels, index).iter().map(|value| value.into_stand_in());
         let border = buffer::collected("border_value", border)?;
         let options = WarpOptions {
             interpolation: options.interpolation,
