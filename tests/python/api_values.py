@@ -71,6 +71,9 @@ DRIVE = _drive()
 LIFTED = np.array([[0, 0, 0.0], [0, 0, 0.5], [0, 0, 1], [0, 0, 0.2], [0, 0, 1.2]])
 GROUND_POINTS = np.array([[5.0, 1, 0], [6, -1, 0], [9, 2, 0], [12, -2, 0], [8, 0, 0]])
 RIG_LUTS = [ipm_rs.RigLut(RIG, grid, blend=blend) for grid, blend in zip(GRIDS, ("best", "feather"), strict=False)]
+BOARD = np.pad(np.kron((np.indices((4, 6)).sum(axis=0) % 2) * 200, np.ones((16, 16))), 24, constant_values=230).astype(
+    "u1"
+)
 REPORTS: list[Any] = [ipm_rs.doctor(CAMERAS[0], GRIDS[0]), ipm_rs.doctor(RIG, GRIDS[0])]
 FILES = ("cloud.bin", "cloud.npy", "cloud.ply", "cloud.pcd", "cloud.las", "cloud.laz")
 
@@ -474,6 +477,18 @@ RECIPES: dict[str, Callable[[Values], tuple[Callable[..., Any], Arguments]]] = {
             "image_size": (WIDTH, HEIGHT),
             "lens": CAMERAS[0].lens,
             "ground": v.rng.choice([0.0, ipm_rs.Plane(normal=(0, 0, 1))]),
+            "tolerance": 4.0,
+        },
+    ),
+    "refine.from_board": lambda v: (
+        refine.from_board,
+        {
+            "image": BOARD.copy(),
+            "corners": (5, 3),
+            "square": 0.2,
+            "at": (2.0, 0.0),
+            "K": np.array([[90.0, 0, 71.5], [0, 90, 55.5], [0, 0, 1]]),
+            "heading": 0.1,
             "tolerance": 4.0,
         },
     ),

@@ -5,7 +5,8 @@
 mounted from the pictures of a drive and the vehicle's poses.
 """
 
+from ipm_rs.refine._board import from_board
 from ipm_rs.refine._drive import DriveFit, from_drive
 from ipm_rs.refine._points import PoseFit, from_ground_points, from_points
 
-__all__ = ["DriveFit", "PoseFit", "from_drive", "from_ground_points", "from_points"]
+__all__ = ["DriveFit", "PoseFit", "from_board", "from_drive", "from_ground_points", "from_points"]
