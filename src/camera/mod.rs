@@ -49,7 +49,7 @@ impl Camera {
     /// A pinhole camera from its parts; `image_size` is (width, height). [`Camera::with_lens`] gives it a lens.
     ///
     /// # Errors
-    /// [`ViewError::ImageSize`] where the image has no pixels or too many to be addressed.
+    /// [`ViewError::ImageSize`](crate::error::ViewError::ImageSize) where the image has no pixels or too many to be addressed.
     pub fn new(model: Pinhole, image_size: (u32, u32), camera_from_vehicle: Pose) -> Result<Self> {
         check_image_size("image_size", image_size.0.into(), image_size.1.into())?;
         let vehicle_from_camera = camera_from_vehicle.inverse();
@@ -161,7 +161,7 @@ impl Camera {
     /// `c' = (c + 0.5) s - 0.5`, per axis, as `cv2.resize` does to the picture.
     ///
     /// # Errors
-    /// [`ViewError::ImageSize`].
+    /// [`ViewError::ImageSize`](crate::error::ViewError::ImageSize).
     pub fn resized(&self, width: u32, height: u32) -> Result<Self> {
         check_image_size("resized", width.into(), height.into())?;
         let scale = |new: u32, old: u32| f64::from(new) / f64::from(old);

@@ -135,7 +135,8 @@ impl RasterOptions<'_> {
 ///
 /// # Errors
 /// [`RasterError::PointColumns`], [`RasterError::PointValues`], [`RasterError::TooManyPoints`],
-/// [`RasterError::Slices`], [`RasterError::DensityFull`], [`RasterError::TooManyCells`], [`ThreadsError::Zero`],
+/// [`RasterError::Slices`], [`RasterError::DensityFull`], [`RasterError::TooManyCells`],
+/// [`ThreadsError::Zero`](crate::error::ThreadsError::Zero),
 /// [`Error::OutOfMemory`] and [`IsaError`](crate::error::IsaError).
 pub fn rasterize<T: PointSample>(
     points: &Strided<'_, T>,
