@@ -169,10 +169,15 @@ def test_contributing_names_what_exists():
 RECIPES = {
     "A lens": (r"(?i)\b(py)?eucm\b", {"kalibr", "basalt", "_lenswords"}),
     "A calibration reader": (r"woodscape", set()),
+    "An interpolation": (
+        r"Interpolation::Area|Self::Area\b|warp_(many_)?mode|Taken::Mode|[\"']mode[\"']|reference/warps",
+        {"masked"},
+    ),
     "A dtype": (r"\bF16\b", set()),
     "An instruction set": (r"(?i)\bneon\b", set()),
 }
-"""The name of a recipe's example, and the modules that know it for another reason: readers of that lens."""
+"""The name of a recipe's example, and the modules that know it for another reason: readers of that lens, masks that are
+worked out by area."""
 
 
 @pytest.mark.parametrize("title", RECIPES)
