@@ -65,17 +65,37 @@ def workers_of_mine() -> list[int]:
 def ancestors(pid: int, parents: dict[int, int]) -> set[int]:
     """Return the processes that a process descends from."""
     found: set[int] = set()
-    while pid in parents and pid not in found:
-        pid = parents[pid]
+    while (pid := parents.get(pid, 0)) and pid not in found:
         found.add(pid)
     return found
 
 
-def kill_one() -> None:
-    """Kill the first worker that there is."""
+def kill_one(killed: list[int]) -> None:
+    """Kill the first worker that there is, and note it."""
     pids = workers_of_mine()
     print(f"  killing worker {pids[0]} of {len(pids)}", flush=True)
     os.kill(pids[0], signal.SIGKILL)
+    killed.append(pids[0])
+
+
+class Run:
+    """What is noted of a run, in which a worker is killed when so many frames are done."""
+
+    def __init__(self, kill_at: int | None) -> None:
+        self.kill_at, self.done, self.killed = kill_at, 0, []
+        self.moments: list[tuple[float, int]] = []
+
+    def report(self, count: int, _: list[ipm_rs.IpmError]) -> None:
+        """Note a partition that is done."""
+        self.done += count
+        self.moments.append((time.perf_counter(), count))
+        if self.kill_at is not None and self.done >= self.kill_at:
+            self.kill_at = None
+            threading.Thread(target=kill_one, args=(self.killed,)).start()
+
+    def rate(self) -> float:
+        """Return frames a second; the first partitions come after the actors have started, which is not the frames'."""
+        return sum(count for _, count in self.moments[2:]) / (self.moments[-1][0] - self.moments[1][0])
 
 
 def same(one: Path, other: Path) -> bool:
@@ -97,26 +117,15 @@ def cluster(folder: Path, frames: int) -> None:
     print(f"one process, one job: {frames / (time.perf_counter() - begin):.1f} frames/s")
     ray.init(num_cpus=2, include_dashboard=False, log_to_driver=False, logging_level="ERROR")
     rates: dict[int, float] = {}
-    for workers, kill in ((1, False), (2, False), (2, True)):
-        out, moments, done, killer = folder / f"out-{workers}-{kill}", [], 0, []
-
-        def report(count: int, failed: list, kill: bool = kill, moments: list = moments, killer: list = killer) -> None:
-            nonlocal done
-            done += count
-            moments.append((time.perf_counter(), count))
-            if kill and done >= frames // 3 and not killer:
-                killer.append(threading.Thread(target=kill_one))
-                killer[0].start()
-
-        summary = ipm_rs.ray.warp_files(folder / "frames", lut, out, workers=workers, partition=10, report=report)
-        # The first partitions come after the actors have started; their time is the cluster's, not the frames'.
-        rate = sum(count for _, count in moments[2:]) / (moments[-1][0] - moments[1][0])
+    for workers, kill in ((2, True), (1, False), (2, False)):
+        out, run = folder / f"out-{workers}-{kill}", Run(frames // 3 if kill else None)
+        summary = ipm_rs.ray.warp_files(folder / "frames", lut, out, workers=workers, partition=10, report=run.report)
         alike = same(folder / "one", out)
         what = f"{workers} worker{'s' * (workers > 1)}{', one killed in the middle' * kill}"
-        print(f"{what}: {rate:.1f} frames/s, {summary.done} done, files equal: {alike}", flush=True)
-        assert alike and summary.done == frames and not summary.failed and bool(killer) == kill
+        print(f"{what}: {run.rate():.1f} frames/s, {summary.done} done, files equal: {alike}", flush=True)
+        assert alike and summary.done == frames and not summary.failed and bool(run.killed) == kill
         if not kill:
-            rates[workers] = rate
+            rates[workers] = run.rate()
     print(f"two workers / one: {rates[2] / rates[1]:.2f}")
     ray.shutdown()
 

@@ -126,7 +126,7 @@ def test_label_images_are_not_mixed(tmp_path):
     assert ipm_rs.ray.Warp(LUT, interpolation="mode")(rows)["bev"].dtype == np.uint8
 
 
-def test_arguments(folder, tmp_path, monkeypatch):
+def test_arguments(folder, tmp_path, monkeypatch, here):
     Warp = ipm_rs.ray.Warp
     for make, error, phrase in (
         (lambda: Warp(CAMERA), errors.ArgumentTypeError, "expected a Lut, got Camera"),
@@ -139,12 +139,15 @@ def test_arguments(folder, tmp_path, monkeypatch):
         (lambda: ipm_rs.ray.warp_files(folder, None, tmp_path), errors.ArgumentTypeError, "lut"),
         (lambda: ipm_rs.ray.warp_files(folder, LUT, tmp_path, ending=".gif"), errors.ArgumentError, "ending"),
         (lambda: ipm_rs.ray.warp_files(folder, LUT, tmp_path, partition=0), errors.ArgumentError, "partition"),
+        (lambda: ipm_rs.ray.warp_files(folder, LUT, tmp_path / "x", workers=0), errors.ArgumentError, "workers"),
         (lambda: ipm_rs.ray.warp_files(folder, LUT, tmp_path, strict=1), errors.ArgumentTypeError, "strict"),
     ):
         with refuses(error, phrase):
             make()
+    assert not (tmp_path / "x").exists()
     monkeypatch.setitem(sys.modules, "ray", None)
     monkeypatch.delitem(sys.modules, "ray.data", raising=False)
+    monkeypatch.setattr(_files, "require_ray", _cluster.require_ray)
     for missing in (lambda: ipm_rs.ray.warp_files(folder, LUT, tmp_path / "x"), lambda: ipm_rs.ray.warp([], LUT)):
         with refuses(errors.MissingExtraError, "ipm-rs[ray]"):
             missing()

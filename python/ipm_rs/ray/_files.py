@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import hashlib
 import json
 import os
@@ -169,7 +168,7 @@ def warp_files(
     recursive, strict, overwrite = (flag_of(name, value) for name, value in flags)
     images.require_pillow()
     require_ray()
-    compute = functools.partial(pool, workers=workers)
+    workers = None if workers is None else whole("workers", workers, 1, 1_000_000)
     target = place_of("output", output, filesystem)
     sources = listed(source, filesystem, recursive)
     parts = _partitions([place.path for place in sources], target, partition, ending)
@@ -187,7 +186,7 @@ def warp_files(
                 results = ray.data.from_items(todo, override_num_blocks=len(todo)).map(
                     _Worker,
                     fn_constructor_args=(ray.put(lut), sources[0], target, options, ending, level, strict),
-                    compute=compute(ray),
+                    compute=pool(ray, workers),
                     **ray_options,
                 )
                 for row in results.iter_rows():
@@ -231,12 +230,11 @@ def _identity(lut: Lut, options: dict[str, Any], ending: str, level: int) -> dic
     """Return what two runs into one folder must have in common."""
     map_x, map_y = lut.maps()
     table = _digest(map_x.tobytes(), map_y.tobytes(), repr(lut.source_size).encode())
-    border = options["border_value"]
-    pixels = np.asarray(border, float).tolist()
+    border = [repr(value) for value in np.asarray(options["border_value"], float).ravel().tolist()]  # NaN is not NaN
     return {
         "table": table,
         "interpolation": options["interpolation"],
-        "border_value": pixels,
+        "border_value": border,
         "ending": ending,
         "level": level,
     }
