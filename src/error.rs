@@ -1,8 +1,8 @@
 //! The error of every call: what is wrong, by concern.
 //!
-//! Each concern's enum lives beside what raises it, in an `error.rs` of its own that uses nothing but this file's two
-//! ways to write numbers. A message says what was expected and what came; how to mend it in the words of a language is
-//! its binding's to say, see `python/mend.rs`.
+//! Each concern's enum lives beside what raises it, in an `error.rs` of its own that uses nothing but `digits.rs`. A
+//! message says what was expected and what came; how to mend it in the words of a language is its binding's to say, see
+//! `python/mend.rs`.
 
 pub use crate::camera::error::CameraError;
 pub use crate::camera::lens::error::LensError;
@@ -99,16 +99,6 @@ pub enum Error {
 
 /// `Result` with this crate's [`Error`].
 pub type Result<T, E = Error> = std::result::Result<T, E>;
-
-/// A number of cells, in powers of ten where it has too many digits to be read.
-pub(crate) fn count(cells: f64) -> String {
-    if cells < 1e15 { format!("{cells}") } else { format!("{cells:.1e}") }
-}
-
-/// A number without the noise of its last bits: 0.9, not 0.8999999999999999.
-pub(crate) fn readable(value: f64) -> f64 {
-    (value * 1e9).round() / 1e9
-}
 
 /// `angle` if it can be one in radians: a finite number of at most a turn.
 pub(crate) fn radians(what: &'static str, angle: f64) -> Result<f64> {

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use crate::error::readable;
+use crate::digits::readable;
 
 /// Something that hardly any camera is, and that is usually a mistake. Its text says what is odd, what usually causes it
 /// and how to mend it.

@@ -1,6 +1,6 @@
 //! The metric grid on the road.
 
-use crate::error::{count, readable};
+use crate::digits::{count, readable};
 use crate::view::{MAX_CELLS, are_too_many};
 
 /// How far from a whole number of cells a range may be, in cells.

@@ -22,6 +22,7 @@
 mod camera;
 pub mod cloud;
 mod cpu;
+mod digits;
 pub mod error;
 mod finding;
 pub mod geometry;

@@ -1,6 +1,6 @@
 //! What is wrong with a camera.
 
-use crate::error::readable;
+use crate::digits::readable;
 
 /// A camera, or a question to one, that makes no sense.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]

@@ -11,8 +11,8 @@ use super::convert::{Call, Floats, flag, float, float_or_two, floats, rows_to_nu
 use super::detached;
 use super::each::{WHAT, each_number, each_projected, each_row, map, numbers};
 use super::error::classes::ArgumentError;
+use super::grid::bev_grid;
 use super::ground::{given_road, only_ground, plane_of, road};
-use super::ground_points::bev_grid;
 use super::lens::lens as lens_model;
 use super::warnings::checked;
 use crate::parallel::num_threads;

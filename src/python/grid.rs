@@ -6,10 +6,10 @@ use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 
-use super::convert::{Call, Floats, Reduced, float_or_two, floats, rebuilt_by_new, word};
+use super::convert::{Call, Floats, Reduced, float_or_two, floats, rebuilt_by_new, type_name, word};
 use super::detached;
 use super::each::each_row;
-use super::error::classes::ArgumentError;
+use super::error::classes::{ArgumentError, ArgumentTypeError};
 use crate::parallel::check_interrupt;
 use crate::view::buffer;
 use crate::{BevGrid, SampleAt};
@@ -148,4 +148,11 @@ impl PyBevGrid {
             self.sample_at()
         )
     }
+}
+
+/// A grid, and not something else.
+pub(super) fn bev_grid<'a>(grid: &'a Bound<'_, PyAny>) -> PyResult<&'a PyBevGrid> {
+    grid.cast::<PyBevGrid>()
+        .map(Bound::get)
+        .map_err(|_| ArgumentTypeError::new_err(format!("grid: expected an ipm_rs.BevGrid, got {}", type_name(grid))))
 }

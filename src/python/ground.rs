@@ -12,7 +12,7 @@ use super::convert::{Call, Floats, Reduced, float, float_or_two, floats, rebuilt
 use super::detached;
 use super::each::each_number;
 use super::error::classes::{ArgumentError, ArgumentTypeError};
-use super::ground_points::bev_grid;
+use super::grid::bev_grid;
 use crate::view::buffer;
 use crate::{Ground, HeightMap, Plane};
 

@@ -9,7 +9,7 @@ use super::camera::PyCamera;
 use super::convert::{Call, Floats, matrix_to_numpy, size, tuple_text, type_name};
 use super::detached;
 use super::error::classes::{ArgumentError, ArgumentTypeError};
-use super::grid::PyBevGrid;
+use super::grid::bev_grid;
 use super::lut::PyLut;
 use crate::{Lut, geometry};
 
@@ -77,13 +77,6 @@ impl PyLut {
         let lut = detached::run(py, || Lut::from_ground_points(image, ground, &grid.grid, source_size))?;
         Ok(lut.into())
     }
-}
-
-/// A grid, and not something else.
-pub(super) fn bev_grid<'a>(grid: &'a Bound<'_, PyAny>) -> PyResult<&'a PyBevGrid> {
-    grid.cast::<PyBevGrid>()
-        .map(Bound::get)
-        .map_err(|_| ArgumentTypeError::new_err(format!("grid: expected an ipm_rs.BevGrid, got {}", type_name(grid))))
 }
 
 /// Both arrays before either is borrowed.

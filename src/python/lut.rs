@@ -12,12 +12,11 @@ use super::camera::PyCamera;
 use super::convert::{Call, float, matrix3, size, tuple_text, type_name};
 use super::detached;
 use super::dtype::{Samples, Taken, for_blended, for_moved};
-use super::error::classes::{ArgumentTypeError, ImageError};
+use super::error::classes::{ArgumentError, ArgumentTypeError, ImageError};
 use super::grid::PyBevGrid;
 use super::ground::{road, road_object};
 use super::image::{ImageArray, Output};
 use super::layout::Layout;
-use super::lut_file::range_of;
 use super::maps::{MapPair, map_array};
 use super::mend::message;
 use super::options::{self, BorderValue};
@@ -373,5 +372,27 @@ fn new_bytes<'py>(py: Python<'py>, bytes: &[u8]) -> PyResult<Bound<'py, PyBytes>
     made.map_err(|error| match error.is_instance_of::<PyMemoryError>(py) {
         true => Error::OutOfMemory { what: "Lut", bytes: bytes.len() }.into(),
         false => error,
+    })
+}
+
+/// Part of a bytes object, without the copy that a slice is in Python.
+///
+/// # Errors
+/// `ArgumentTypeError`: it is no bytes object. `ArgumentError`: it has no such range.
+pub(super) fn range_of<'a>(
+    name: &str,
+    data: &'a Bound<'_, PyAny>,
+    start: Option<usize>,
+    stop: Option<usize>,
+) -> PyResult<&'a [u8]> {
+    let Ok(bytes) = data.cast::<PyBytes>() else {
+        let message = format!("{name}: expected the bytes of a table, got {}", type_name(data));
+        return Err(ArgumentTypeError::new_err(message));
+    };
+    let bytes = bytes.as_bytes();
+    let (start, stop) = (start.unwrap_or(0), stop.unwrap_or(bytes.len()));
+    bytes.get(start..stop).ok_or_else(|| {
+        let length = bytes.len();
+        ArgumentError::new_err(format!("{name}: expected a range of its {length} bytes, got {start} to {stop}"))
     })
 }

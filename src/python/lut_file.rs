@@ -1,12 +1,10 @@
-//! `Lut.save`, `Lut.load` and `Lut.export`, which Python writes, and what Python needs of the core for it.
+//! `Lut.save`, `Lut.load` and `Lut.export`, which Python writes.
 
 use pyo3::prelude::*;
-use pyo3::types::{PyBytes, PyType};
+use pyo3::types::PyType;
 
-use super::convert::type_name;
 use super::detached;
-use super::error::classes::{ArgumentError, ArgumentTypeError};
-use super::lut::PyLut;
+use super::lut::{PyLut, range_of};
 
 const MODULE: &str = "ipm_rs.files.luts";
 
@@ -42,26 +40,4 @@ impl PyLut {
 pub(super) fn checksum(data: &Bound<'_, PyAny>, start: Option<usize>, stop: Option<usize>) -> PyResult<u64> {
     let bytes = range_of("data", data, start, stop)?;
     detached::run(data.py(), || Ok(crate::checksum(bytes)))
-}
-
-/// Part of a bytes object, without the copy that a slice is in Python.
-///
-/// # Errors
-/// `ArgumentTypeError`: it is no bytes object. `ArgumentError`: it has no such range.
-pub(super) fn range_of<'a>(
-    name: &str,
-    data: &'a Bound<'_, PyAny>,
-    start: Option<usize>,
-    stop: Option<usize>,
-) -> PyResult<&'a [u8]> {
-    let Ok(bytes) = data.cast::<PyBytes>() else {
-        let message = format!("{name}: expected the bytes of a table, got {}", type_name(data));
-        return Err(ArgumentTypeError::new_err(message));
-    };
-    let bytes = bytes.as_bytes();
-    let (start, stop) = (start.unwrap_or(0), stop.unwrap_or(bytes.len()));
-    bytes.get(start..stop).ok_or_else(|| {
-        let length = bytes.len();
-        ArgumentError::new_err(format!("{name}: expected a range of its {length} bytes, got {start} to {stop}"))
-    })
 }

@@ -1,8 +1,9 @@
 //! What a Python caller can do about an error of the core: the end of its message, in Python's words.
 
 use crate::Error;
+use crate::digits::readable;
 use crate::error::{CameraError, CloudError, GroundError, LensError, LutError, PoseError, RasterError};
-use crate::error::{ViewError, WarpError, readable};
+use crate::error::{ViewError, WarpError};
 
 /// The error's message, and how to mend it where that is said here.
 pub(super) fn message(error: &Error) -> String {

@@ -1,6 +1,6 @@
 //! What is wrong with what is rasterised.
 
-use crate::error::count;
+use crate::digits::count;
 
 /// Points or shapes that cannot be rasterised.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]

@@ -1,6 +1,6 @@
 //! What is wrong with a table.
 
-use crate::error::count;
+use crate::digits::count;
 
 /// A table that cannot be.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
