@@ -1,8 +1,9 @@
 """Run the Python blocks of Markdown files and folders: `python scripts/run_snippets.py README.md docs/datasets`.
 
 The blocks of one file run in order, in one namespace, in a temporary folder that holds a calibration `camera.json` and
-an image `frame.png` (and `frame.npy`, the same pixels). A block after the comment `<!-- not run -->` is skipped. A file
-without any block is an error: a check that finds nothing to check must not pass.
+an image `frame.png` (and `frame.npy`, the same pixels); for docs/streams.md also a bag and a drive. A block
+after the comment `<!-- not run -->` is skipped. A file without any block is an error: a check that finds nothing to
+check must not pass.
 
 A page `docs/datasets/<format>.md` finds the files of that format's samples (tests/python/calibration_samples.py)
 instead, and a noise `frame.png` of the size that its camera has. Whatever such a page calls `lut` must see some of its
@@ -25,6 +26,7 @@ from PIL import Image
 import ipm_rs
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "python"))
+from bags import Bag
 from calibration_samples import SAMPLES
 
 BLOCK = re.compile(r"(?P<skip><!-- not run -->\s*)?^```(?:python|py)\n(?P<code>.*?)^```$", re.MULTILINE | re.DOTALL)
@@ -44,9 +46,29 @@ def prepare(folder: Path, page: Path) -> None:
         size = ipm_rs.Camera.load(samples[0].write(folder), **samples[0].options).image_size
     else:
         (folder / "camera.json").write_text(json.dumps(CAMERA))
+    if page.name == "streams.md":
+        prepare_streams(folder)
     image = np.random.default_rng(0).integers(0, 256, (size[1], size[0], 3), dtype=np.uint8)
     np.save(folder / "frame.npy", image)
     Image.fromarray(image).save(folder / "frame.png", compress_level=0)
+
+
+def prepare_streams(folder: Path) -> None:
+    """Write a bag and a sequence of KITTI odometry, two frames each."""
+    sequence = folder / "dataset" / "sequences" / "00"
+    (sequence / "image_2").mkdir(parents=True)
+    (folder / "dataset" / "poses").mkdir()
+    projection = "700 0 620 0 0 700 187 0 0 0 1 0"
+    (sequence / "calib.txt").write_text("".join(f"P{camera}: {projection}\n" for camera in range(4)))
+    (sequence / "times.txt").write_text("0.0\n0.1\n")
+    poses = "".join(f"1 0 0 0 0 1 0 0 0 0 1 {metres}\n" for metres in (0, 1.2))
+    (folder / "dataset" / "poses" / "00.txt").write_text(poses)
+    with Bag(folder / "run.bag", "bag") as bag:
+        for number in range(2):
+            pixels = np.full((375, 1242, 3), 50 * number, np.uint8)
+            Image.fromarray(pixels).save(sequence / "image_2" / f"{number:06}.png")
+            bag.tf([("map", "base_link", (1.2 * number, 0, 0), (1, 0, 0, 0))], 10 + 0.1 * number)
+            bag.image("/front/image_raw", pixels, "rgb8", 10 + 0.1 * number)
 
 
 def run(path: Path) -> int:

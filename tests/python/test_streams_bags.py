@@ -83,6 +83,16 @@ def test_a_bag_has_its_frames_its_camera_and_its_poses(tmp_path, kind):
         streams.open(path, topic="/front/image_raw", camera_info="/none")
 
 
+def test_a_pose_of_the_very_moment_of_a_picture(tmp_path):
+    """Also the last one of all: equal stamps are equal seconds."""
+    with Bag(tmp_path / "run.bag", "bag") as bag:
+        for k in range(20):
+            bag.tf([("map", "base_link", (k, 0, 0), (1, 0, 0, 0))], 10 + 0.1 * k)
+            bag.image("/image", textured(4, 4), "mono8", 10 + 0.1 * k)
+    poses = [frame.map_from_vehicle for frame in streams.open(tmp_path / "run.bag")]
+    assert [pose[0, 3] for pose in poses] == list(range(20))
+
+
 def test_the_file_of_a_bag_alone_and_without_metadata(tmp_path):
     for kind in ("mcap", "db3"):
         path = write(tmp_path / kind, kind, count=2)

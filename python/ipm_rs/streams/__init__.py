@@ -40,8 +40,8 @@ FORMATS: tuple[str, ...] = (
 )
 """Kinds of sources, in the order in which they are tried."""
 
-
 _MOST = 10**9
+"""A larger ``every=`` is a slip."""
 
 
 class Source(Protocol):

@@ -41,7 +41,7 @@ class Transforms:
                 self.fixed[child] = (parent, pose)
                 continue
             stamp = one.header.stamp
-            moment = stamp.sec + 1e-9 * stamp.nanosec
+            moment = (stamp.sec * 1_000_000_000 + stamp.nanosec) / 1e9  # rounded as the pictures' moments are
             self.moving.setdefault(child, (parent, {}))[1][moment] = pose
 
     def parents(self, frame: str) -> list[str]:

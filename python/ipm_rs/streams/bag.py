@@ -208,7 +208,7 @@ class _Source:
         """Return the seconds of a message; a header without a stamp has the recorder's."""
         stamp = message.header.stamp
         nanoseconds = stamp.sec * 1_000_000_000 + stamp.nanosec
-        return (nanoseconds if nanoseconds and self.clock == "header" else logged) * 1e-9
+        return (nanoseconds if nanoseconds and self.clock == "header" else logged) / 1e9
 
     def pixels(self, message: Any, origin: str) -> NDArray[Any]:
         """Return the picture of a message."""
