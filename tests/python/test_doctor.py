@@ -264,6 +264,14 @@ def test_a_rig_and_its_parts():
         assert part in str(report)
 
 
+def test_a_camera_that_looks_away_from_the_grid_is_no_mistake_of_a_rig():
+    report = ipm_rs.doctor(ring(), ipm_rs.BevGrid(x=(4, 12), y=(-3, 3), resolution=0.25))
+    assert report.ok and report.cameras["back"].seen == 0
+    assert [str(each) for each in report.findings] == ["note: back sees nothing of the grid"]
+    under = ipm_rs.doctor({"front": camera(position=(0, 0, -1.0))}, AROUND)
+    assert "sees-no-road" in codes(under) and not under.ok
+
+
 def test_names_of_a_mirrored_rig():
     report = ipm_rs.doctor(ring(left=-1.4, right=1.4), AROUND)
     (finding,) = (each for each in report.findings if each.code == "mirrored")

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ipm_rs._core import BevGrid, Camera, HeightMap, Plane
 from ipm_rs.diagnosis import _mistakes as mistakes
 from ipm_rs.diagnosis._coverage import Coverage, cover
-from ipm_rs.diagnosis._findings import Finding
+from ipm_rs.diagnosis._findings import Finding, worst_first
 from ipm_rs.diagnosis._lanes import straightness_of
 from ipm_rs.diagnosis._report import Report
 from ipm_rs.diagnosis._stand import Stand, stand_of
@@ -19,8 +19,6 @@ from ipm_rs.diagnosis._words import metres_of, percent
 from ipm_rs.errors import IpmError
 
 __all__ = ["examine", "fitting"]
-
-_ORDER = {"error": 0, "warning": 1, "note": 2}
 
 
 def examine(camera: Camera, grid: BevGrid, ground: float | Plane | HeightMap, image: NDArray[Any] | None) -> Report:
@@ -38,7 +36,6 @@ def examine(camera: Camera, grid: BevGrid, ground: float | Plane | HeightMap, im
         findings += of_size
     if usable is not None:
         findings += _of_pixels(camera, ground, usable)
-    findings.sort(key=lambda finding: _ORDER[finding.severity])
     return Report(
         camera=camera,
         grid=grid,
@@ -56,7 +53,7 @@ def examine(camera: Camera, grid: BevGrid, ground: float | Plane | HeightMap, im
         resolved=float(coverage.resolved.mean()),
         shares=coverage.shares,
         far=coverage.far,
-        findings=tuple(findings),
+        findings=worst_first(findings),
         _coverage=coverage,
         _image=image,
         _sees=stand.sees,

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
 
-__all__ = ["Finding"]
+__all__ = ["Finding", "worst_first"]
+
+_SEVERITIES = ("error", "warning", "note")
 
 
 @dataclass(frozen=True)
@@ -23,3 +26,8 @@ class Finding:
 
     def __str__(self) -> str:
         return f"{self.severity}: {self.text}{f'; {self.mend}' if self.mend else ''}"
+
+
+def worst_first(findings: Iterable[Finding]) -> tuple[Finding, ...]:
+    """Return findings by their severity, those of one in the order that they have."""
+    return tuple(sorted(findings, key=lambda finding: _SEVERITIES.index(finding.severity)))

@@ -25,7 +25,7 @@ __all__ = ["Report", "plain"]
 class Report:
     """What the doctor says of a camera. ``print(report)`` says it in words, `draw` shows it.
 
-    Metres are those of the vehicle frame; angles are degrees, pitch down, heading and roll (left side up) to the left.
+    Metres are those of the vehicle frame. Angles are degrees: heading to the left, pitch down, roll left side up.
     """
 
     camera: Camera

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ipm_rs._core import BevGrid, HeightMap, Plane
 from ipm_rs.diagnosis._camera import examine
 from ipm_rs.diagnosis._coverage import coarser
-from ipm_rs.diagnosis._findings import Finding
+from ipm_rs.diagnosis._findings import Finding, worst_first
 from ipm_rs.diagnosis._report import Report, plain
 from ipm_rs.diagnosis._words import percent
 from ipm_rs.errors import IpmError
@@ -43,7 +43,7 @@ class RigReport:
     grid: BevGrid
     ground: float | Plane | HeightMap | Bowl
     cameras: dict[str, Report]
-    """The report of each camera, without the grid's cells that others see being held against it."""
+    """The report of each camera alone, on the same grid."""
     seen: float
     """Part of the grid that some camera sees."""
     overlap: float
@@ -143,15 +143,17 @@ def examine_rig(
             agreement = lut.agreement(fits, farthest=_FARTHEST)
         except IpmError as error:  # images of different kinds
             odd.append(Finding("warning", "images-differ", f"pairs cannot be compared: {error}", ""))
-    order = {"error": 0, "warning": 1, "note": 2}
     findings = [*odd, *_of_names(reports), *_of_pairs(agreement)]
     for name, report in reports.items():
+        # each camera has streaks somewhere on a grid around the car, and one that looks back sees nothing of one ahead
+        aside = report.height > 0 and report.seen == 0
         findings += [
             Finding(each.severity, each.code, f"{name}: {each.text}", each.mend)
             for each in report.findings
-            if each.severity != "note"  # of one part of a grid that goes around the car each camera sees streaks
+            if each.severity != "note" and not (aside and each.code == "sees-no-road")
         ]
-    findings.sort(key=lambda finding: order[finding.severity])
+        if aside:
+            findings.append(Finding("note", "sees-nothing", f"{name} sees nothing of the grid", ""))
     return RigReport(
         rig=rig,
         grid=grid,
@@ -162,7 +164,7 @@ def examine_rig(
         shows={name: float((source == place).mean()) for place, name in enumerate(rig)},
         seams=float(((weights > 0).sum(axis=0) > 1).mean()),
         agreement=agreement,
-        findings=tuple(findings),
+        findings=worst_first(findings),
         _lut=lut,
         _images=dict(fits),
     )
