@@ -80,3 +80,32 @@ def test_every_format_has_a_page(name):
 def test_frames_are_drawn_by_their_script(tmp_path):
     subprocess.run([sys.executable, ROOT / "scripts" / "draw_frames.py", tmp_path / "frames.svg"], check=True)
     assert (tmp_path / "frames.svg").read_text() == (ROOT / "docs" / "images" / "frames.svg").read_text()
+
+
+SEARCHED = {
+    "cityscapes": ["Cityscapes"], "kitti": ["KITTI", "odometry"], "kitti_raw": ["KITTI raw"],
+    "kitti_360": ["KITTI-360"], "nuscenes": ["nuScenes", "Lyft", "nuImages"], "argoverse2": ["Argoverse 2"],
+    "waymo": ["Waymo"], "carla": ["CARLA"], "woodscape": ["WoodScape"], "matlab": ["MATLAB"],
+    "ros": ["ROS", "CameraInfo"], "opencv": ["OpenCV", "PhotonVision", "npz"], "kalibr": ["Kalibr"],
+    "colmap": ["COLMAP"], "camodocal": ["camodocal", "VINS-Mono", "VINS-Fusion"],
+    "euroc": ["EuRoC", "ASL", "TUM-VI", "Kimera"], "ncamera": ["ncamera", "maplab", "SVO Pro", "ROVIO", "aslam_cv2"],
+    "okvis": ["okvis", "okvis2"], "basalt": ["basalt", "Monado"], "orbslam": ["ORB-SLAM2", "ORB-SLAM3"],
+    "nerfstudio": ["nerfstudio", "instant-ngp", "NeRF", "transforms.json"], "open3d": ["Open3D"],
+    "depthai": ["DepthAI", "OAK"], "ocamcalib": ["OCamCalib", "Scaramuzza"], "dgp": ["DGP", "DDAD"],
+    "argoverse1": ["Argoverse 1"], "mmdet3d": ["mmdetection3d", "cam2img"], "once": ["ONCE"],
+    "zod": ["ZOD", "Zenseact"], "openlane": ["OpenLane", "OpenLane-V2"], "pandaset": ["PandaSet"],
+    "a2d2": ["A2D2", "Audi"], "cam2bev": ["Cam2BEV"], "autoware": ["Autoware.AI"],
+    "pjlab": ["SensorsCalibration", "PJLab", "OpenCalib"], "realsense": ["RealSense", "librealsense", "D435", "T265"],
+    "opensfm": ["OpenSfM", "WebODM", "Mapillary"], "metashape": ["Metashape", "PhotoScan", "Agisoft"],
+    "json": ["JSON"],
+}  # fmt: skip
+
+
+def test_search_finds_every_name_of_a_format():
+    """The site's search looks at the words of pages: each name that somebody may type stands on its format's page."""
+    assert set(SEARCHED) == set(calibration.FORMATS)
+    lost = []
+    for name, words in SEARCHED.items():
+        page = (ROOT / "docs" / "datasets" / f"{name}.md").read_text(encoding="utf-8").lower()
+        lost += [f"{word} in {name}.md" for word in words if word.lower() not in page]
+    assert not lost
