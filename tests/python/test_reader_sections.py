@@ -203,3 +203,11 @@ def test_matrices_whose_data_are_rows(form, tmp_path):
     matrix["data"] = [*K(300)[:2], [0.0, 1.0]]
     with refuses(errors.CalibrationError, "camera_matrix", "expected 3 x 3 numbers"):
         ipm_rs.Camera.from_opencv(content, lens="fisheye")
+
+
+def test_a_pose_that_is_not_understood_is_not_dropped(tmp_path):
+    """Under `extrinsic` stands something else than rvec and tvec: no camera at the origin is made of it."""
+    part_of = {"intrinsic": part(301), "extrinsic": {"position": [1, 2, 3], "heading": 0.5}}
+    for content in ({"front": part_of}, {"front": part_of, "left": part_of}, {"cameras": [{"name": "a", **part_of}]}):
+        with refuses(errors.CalibrationError, "got one of none", "opencv: no 3x3 camera_matrix"):
+            ipm_rs.Camera.load(write(tmp_path, {**content, "image_size": [960, 640]}), lens="fisheye")

@@ -31,6 +31,7 @@ _POSE = ("rvec", "tvec")
 _INTRINSIC = (
     "intrinsic", "intrinsics", "intrinsicparameters", "cameraintrinsics", "calibration", "calib", "camerainfo", "lens",
 )  # fmt: skip
+_EXTRINSIC = ("extrinsic", "extrinsics", "extrinsicparameters", "cameraextrinsics", "pose", "transform")
 _DEEPEST = 3
 _MAX_KEYS = 30_000  # a rig of 500 cameras has 10 000 at three levels
 
@@ -53,7 +54,11 @@ def sections(content: Any, *, depth: int = 0) -> dict[str, dict[str, Any]]:
         return _one_in_places(found, shared, others)
     if not found:
         for name, group in groups.items():
-            inner = {str(key): whole for key, value in group.items() if has_camera(whole := _whole(value))}
+            inner = {
+                str(key): whole
+                for key, value in group.items()
+                if has_camera(whole := _whole(value)) and spelled(key) not in _INTRINSIC
+            }
             if inner:
                 found = inner
                 others = [value for key, value in groups.items() if key != name]
@@ -67,7 +72,8 @@ def sections(content: Any, *, depth: int = 0) -> dict[str, dict[str, Any]]:
     lists = (value for value in content.values() if _is_list(value))
     cameras = next((cameras for value in lists if (cameras := _from_list(value, shared))), {})
     if not cameras and len(groups) == 1 and depth < _DEEPEST:
-        inside = sections(next(iter(groups.values())), depth=depth + 1)
+        only = next(iter(groups.values()))
+        inside = {} if any(spelled(key) in _INTRINSIC for key in only) else sections(only, depth=depth + 1)
         cameras = {name: merged(shared, value) for name, value in inside.items()}
     return cameras
 
@@ -135,6 +141,8 @@ def _whole(value: Any) -> Any:
     if len(known) != 1 or sum(map(has_camera, parts)) != 1:
         return value
     plain = {key: item for key, item in value.items() if not _is_section(item) or spelled(key) in SIZE}
+    if any(spelled(key) in _EXTRINSIC and not _has_pose(part) for key, part in value.items() if _is_section(part)):
+        return value  # a pose of which nothing is known
     return merged(plain, known[0], *(part for part in parts if _has_pose(part)))
 
 

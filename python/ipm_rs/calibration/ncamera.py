@@ -121,9 +121,10 @@ def read(
     lens = _lens(section)
     if unified:
         lens = _mei(float(xi[0]), lens, section)
+    for posed in (entry, entries[0]):  # without one a camera alone is at the origin; of several it would be anywhere
+        if (len(entries) > 1 or vehicle_from_body is not None) and "T_C_B" not in posed:
+            posed.require("T_B_C")
     body_from_camera, body_from_first = _pose(entry), _pose(entries[0])
-    if vehicle_from_body is not None and "T_C_B" not in entry:
-        entry.require("T_B_C")
     pose = on_body(body_from_camera, body_from_first, vehicle_from_body, "vehicle_from_body", nearest=nearest_rotation)
     return build(section.where(), pinhole(fu, fv, cu, cv), image_size=size, camera_from_vehicle=pose, lens=lens)
 

@@ -129,7 +129,8 @@ def cameras(document: Document) -> list[str]:
     if isinstance(content, Mapping):
         return list(_by_name(content))
     names = _names(None, document.path.with_name(_SENSORS))
-    found = [_name(record, names) or _text(record, "token") for record in content if not _no_camera(record)]
+    records = [Section(record, document.origin, f"[{index}]").content for index, record in enumerate(content)]
+    found = [_name(record, names) or _text(record, "token") for record in records if not _no_camera(record)]
     return list(dict.fromkeys(name for name in found if name))
 
 

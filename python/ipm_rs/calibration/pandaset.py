@@ -34,13 +34,11 @@ __all__ = ["KEYS", "TITLE", "cameras", "missing", "read"]
 TITLE = "PandaSet"
 KEYS = ("main_pandar64", "front_camera", "back_camera", "extrinsic", "transform", "intrinsic", "front_gt")
 
-_LIDAR = "main_pandar64"
-
 
 def missing(document: Document) -> str | None:
     """Say what a document lacks to be of this format; None if nothing."""
-    lacks = tree_missing(document, _LIDAR)
-    return lacks or (None if _entries(document.tree) else "no camera with 'intrinsic' and 'extrinsic'")
+    lacks = tree_missing(document)
+    return lacks or (None if _entries(document.tree) else "no camera with 'intrinsic.K' and 'extrinsic.transform'")
 
 
 def cameras(document: Document) -> list[str]:
@@ -112,5 +110,7 @@ def _entries(content: Mapping[Any, Any]) -> dict[str, Any]:
     return {
         str(name): sensor
         for name, sensor in content.items()
-        if has(sensor, "extrinsic", "intrinsic") and has(sensor["intrinsic"], "K")
+        if has(sensor, "extrinsic", "intrinsic")
+        and has(sensor["intrinsic"], "K", "D")
+        and has(sensor["extrinsic"], "transform")
     }
