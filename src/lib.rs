@@ -40,8 +40,9 @@ pub mod view;
 pub mod warp;
 
 pub use camera::{
-    Binning, BrownConrady, Camera, DoubleSphere, Eucm, KannalaBrandt, Lens, Mei, Ocam, Pinhole, Projection,
-    RadialPolynomial, RangeError,
+    Binning, BrownConrady, Camera, Cylindrical, Division, DoubleSphere, Equirectangular, Eucm, FTheta, FThetaForm, Fov,
+    InverseBrownConrady, KannalaBrandt, Lens, Mei, Ocam, Pinhole, Projection, RadialPolynomial, RangeError,
+    ThinPrismFisheye,
 };
 pub use cpu::{Isa, cpu_features};
 pub use error::{Error, Result};

@@ -6,8 +6,9 @@ use std::f64::consts::PI;
 
 use ipm_rs::error::LensError;
 use ipm_rs::{
-    BevGrid, BrownConrady, Camera, DoubleSphere, Error, Eucm, Ground, KannalaBrandt, Lens, Lut, Mei, Ocam, Pinhole,
-    RadialPolynomial, SampleAt,
+    BevGrid, BrownConrady, Camera, Cylindrical, Division, DoubleSphere, Equirectangular, Error, Eucm, FTheta,
+    FThetaForm, Fov, Ground, InverseBrownConrady, KannalaBrandt, Lens, Lut, Mei, Ocam, Pinhole, RadialPolynomial,
+    SampleAt, ThinPrismFisheye,
 };
 use nalgebra::Vector3;
 use proptest::prelude::*;
@@ -34,11 +35,12 @@ fn any_lens() -> impl Strategy<Value = (Lens, f64)> {
         .prop_map(|(k, d, p1, p2)| {
             (BrownConrady::new(&[k[0], k[1], p1, p2, k[2], d[0], d[1], d[2]], None).unwrap().into(), 1000.0)
         });
-    let prism = (-0.4..0.2, -0.1..0.2, prop::array::uniform4(-0.01..0.01), prop::array::uniform4(-0.1..0.1), small)
-        .prop_map(|(k1, k2, s, tilt, p1): (f64, f64, [f64; 4], [f64; 4], f64)| {
-            let c = [k1, k2, p1, -p1, 0.0, 0.0, 0.0, 0.0, s[0], s[1], s[2], s[3], tilt[0], tilt[1]];
-            (BrownConrady::new(&c, None).unwrap().into(), 1000.0)
-        });
+    let prism =
+        (-0.4..0.2, -0.1..0.2, prop::array::uniform4(-0.01..0.01), prop::array::uniform4(-0.1..0.1), small.clone())
+            .prop_map(|(k1, k2, s, tilt, p1): (f64, f64, [f64; 4], [f64; 4], f64)| {
+                let c = [k1, k2, p1, -p1, 0.0, 0.0, 0.0, 0.0, s[0], s[1], s[2], s[3], tilt[0], tilt[1]];
+                (BrownConrady::new(&c, None).unwrap().into(), 1000.0)
+            });
     let kannala =
         prop::array::uniform4(-0.05..0.05).prop_map(|k| (KannalaBrandt::new(&k, None).unwrap().into(), 350.0));
     let mei = (0.3..3.0, -0.3..0.3, -0.1..1.0, -1e-3..1e-3)
@@ -53,7 +55,29 @@ fn any_lens() -> impl Strategy<Value = (Lens, f64)> {
             (Ocam::new(&[-a0, 0.0, a2, a3, a4], [1.0 + e, e, -e], None).unwrap().into(), 1.0)
         },
     );
-    prop_oneof![brown, rational, prism, kannala, mei, double, eucm, radial, ocam]
+    let forward = (200.0..900.0, -40.0..40.0, -30.0..30.0, -10.0..10.0, -0.02..0.02).prop_map(|(a, b, c, d, e)| {
+        let lens = FTheta::new(&[0.0, a, b, c, d], FThetaForm::Forward, [1.0 + e, e, -e], None);
+        (lens.unwrap().into(), 1.0)
+    });
+    let backward = (1e-3..5e-3, -1e-7..1e-7, -1e-9..1e-9, -1e-12..1e-12, -0.02..0.02).prop_map(|(a, b, c, d, e)| {
+        let lens = FTheta::new(&[0.0, a, b, c, d], FThetaForm::Backward, [1.0 - e, e, e], None);
+        (lens.unwrap().into(), 1.0)
+    });
+    let fov = (1e-3..3.0).prop_map(|omega| (Fov::new(omega, None).unwrap().into(), 500.0));
+    let division = (-2.0..0.5).prop_map(|k| (Division::new(k, None).unwrap().into(), 500.0));
+    let inverse = (-0.3..0.3, -0.2..0.2, small.clone(), small.clone(), -0.1..0.1).prop_map(|(k1, k2, p1, p2, k3)| {
+        (InverseBrownConrady::new(&[k1, k2, p1, p2, k3], None).unwrap().into(), 600.0)
+    });
+    let thin = (prop::array::uniform4(-0.05..0.05), prop::array::uniform4(-0.01..0.01)).prop_map(|(k, p)| {
+        let c = [k[0], k[1], p[0], p[1], k[2] * 0.1, k[3] * 0.01, p[2], p[3]];
+        (ThinPrismFisheye::new(&c, None).unwrap().into(), 350.0)
+    });
+    let aria = (prop::array::uniform6(-0.02..0.02), prop::array::uniform6(-0.003..0.003)).prop_map(|(k, p)| {
+        let c = [k[0], k[1], k[2], k[3] * 0.1, k[4] * 0.01, k[5] * 1e-3, p[0], p[1], p[2], p[3], p[4], p[5]];
+        (ThinPrismFisheye::new(&c, None).unwrap().into(), 350.0)
+    });
+    let old = prop_oneof![brown, rational, prism, kannala, mei, double, eucm, radial, ocam];
+    prop_oneof![old, forward, backward, fov, division, inverse, thin, aria]
 }
 
 proptest! {
@@ -230,6 +254,48 @@ fn views_all_round_have_no_ghosts() {
             ),
             10_000,
         ),
+        (
+            camera(
+                1.0,
+                (1280, 960),
+                0.4,
+                FTheta::new(&[0.0, 340.0, 5.0, -8.0, 1.0], FThetaForm::Forward, [1.01, 2e-3, -3e-3], None)
+                    .unwrap()
+                    .into(),
+            ),
+            10_000,
+        ),
+        (
+            camera(
+                1.0,
+                (1280, 960),
+                0.4,
+                FTheta::new(&[0.0, 2.9e-3, 1e-8, 1e-10], FThetaForm::Backward, [1.0, 0.0, 0.0], None).unwrap().into(),
+            ),
+            10_000,
+        ),
+        (camera(450.0, (1280, 960), 0.5, Fov::new(1.1, None).unwrap().into()), 5000),
+        (camera(450.0, (1280, 960), 0.5, Division::new(-0.4, None).unwrap().into()), 10_000),
+        (
+            camera(
+                600.0,
+                (1280, 960),
+                0.5,
+                InverseBrownConrady::new(&[-0.2, 0.05, 1e-3, -2e-3, 0.0], None).unwrap().into(),
+            ),
+            3000,
+        ),
+        (
+            camera(
+                350.0,
+                (1280, 960),
+                0.6,
+                ThinPrismFisheye::new(&[0.01, -0.02, 1e-3, -2e-3, 3e-3, -1e-3, 4e-3, -5e-3], None).unwrap().into(),
+            ),
+            10_000,
+        ),
+        (camera(203.7, (1280, 640), 0.3, Equirectangular::new(None).unwrap().into()), 20_000),
+        (camera(203.7, (1280, 960), 0.3, Cylindrical::new(None).unwrap().into()), 20_000),
     ] {
         let valid = no_ghosts(&camera);
         assert!(valid > least, "{camera}: {valid}");
@@ -277,7 +343,7 @@ fn pixels_beyond_everything_have_no_direction() {
 #[test]
 fn a_limit_makes_the_domain_smaller_and_never_larger() {
     for angle in [0.1, 0.7, 1.2] {
-        let lenses: [Lens; 7] = [
+        let lenses: [Lens; 15] = [
             BrownConrady::new(&[-0.01, 0.0, 0.0, 0.0], Some(angle)).unwrap().into(),
             KannalaBrandt::new(&[-0.01, 0.0, 0.0, 0.0], Some(angle)).unwrap().into(),
             Mei::new(1.2, &[0.0; 4], Some(angle)).unwrap().into(),
@@ -285,6 +351,14 @@ fn a_limit_makes_the_domain_smaller_and_never_larger() {
             Eucm::new(0.6, 1.1, Some(angle)).unwrap().into(),
             RadialPolynomial::new(&[340.0, -32.0, 48.0, -7.2], Some(angle)).unwrap().into(),
             Ocam::new(&[-350.0, 0.0, 1e-3], [1.0, 0.0, 0.0], Some(angle)).unwrap().into(),
+            FTheta::new(&[0.0, 340.0, -8.0], FThetaForm::Forward, [1.0, 0.0, 0.0], Some(angle)).unwrap().into(),
+            FTheta::new(&[0.0, 3e-3, 1e-8], FThetaForm::Backward, [1.0, 0.0, 0.0], Some(angle)).unwrap().into(),
+            Fov::new(0.9, Some(angle)).unwrap().into(),
+            Division::new(-0.3, Some(angle)).unwrap().into(),
+            InverseBrownConrady::new(&[0.05, 0.0, 0.0, 0.0], Some(angle)).unwrap().into(),
+            ThinPrismFisheye::new(&[0.0; 8], Some(angle)).unwrap().into(),
+            Cylindrical::new(Some(angle)).unwrap().into(),
+            Equirectangular::new(Some(angle)).unwrap().into(),
         ];
         for lens in lenses {
             assert!((lens.max_angle() - angle).abs() < 1e-12, "{lens} {}", lens.max_angle());
@@ -321,9 +395,38 @@ fn vectors_of_other_implementations() {
     assert!((lens.max_angle().to_degrees() - 116.9).abs() < 0.05);
 }
 
+/// Longitude and latitude are linear in the pixel, and the whole sphere is on the image.
+#[test]
+fn panoramas_are_there_and_back_to_all_sides() {
+    for (index, lens) in [Lens::from(Equirectangular::new(None).unwrap()), Cylindrical::new(None).unwrap().into()]
+        .into_iter()
+        .enumerate()
+    {
+        for i in 0..2000 {
+            let longitude = (f64::from(i) * 0.618_034).fract() * 2.0 * PI - PI;
+            let latitude = ((f64::from(i) * 0.414_214).fract() - 0.5) * 3.1;
+            let (sin, cos) = longitude.sin_cos();
+            let ray = Vector3::new(sin * latitude.cos(), latitude.sin(), cos * latitude.cos()) * 3.7;
+            let m = lens.project(&ray).unwrap();
+            let down = if index == 0 { latitude } else { latitude.tan() };
+            assert!((m[0] - longitude).abs() < 1e-15 * 4.0, "{lens} {longitude}");
+            assert!((m[1] - down).abs() < 1e-15 * (4.0 + 4.0 * down * down), "{lens} {latitude}");
+            assert!((lens.unproject(m).unwrap() - ray.normalize()).norm() < 2e-15, "{lens} {longitude} {latitude}");
+        }
+        assert_eq!(lens.unproject([3.2, 0.0]), None);
+        assert_eq!(lens.max_angle(), PI);
+        assert!(lens.project(&Vector3::new(0.0, 0.0, -1.0)).is_some(), "straight behind is on the seam");
+        assert_eq!(lens.project(&Vector3::new(0.0, 1.0, 0.0)).is_some(), index == 0, "straight down");
+        assert_eq!(lens.project(&Vector3::zeros()), None);
+    }
+    let sphere = Lens::from(Equirectangular::new(None).unwrap());
+    assert_eq!(sphere.project(&Vector3::new(0.0, -2.0, 0.0)), Some([0.0, -PI / 2.0]));
+    assert_eq!(sphere.unproject([0.1, 1.6]), None);
+}
+
 #[test]
 fn what_sees_nothing_beside_its_axis_is_refused() {
-    let folded: [ipm_rs::Result<Lens>; 9] = [
+    let folded: [ipm_rs::Result<Lens>; 14] = [
         BrownConrady::new(&[0.0, 0.0, 1e4, 0.0], None).map(Into::into),
         BrownConrady::new(&[-1e7, 0.0, 0.0, 0.0], None).map(Into::into),
         // prism terms, found by scanning
@@ -334,6 +437,11 @@ fn what_sees_nothing_beside_its_axis_is_refused() {
         DoubleSphere::new(-0.9999999999, 0.0, None).map(Into::into),
         RadialPolynomial::new(&[1.0, -1e4, 0.0, 0.0], None).map(Into::into),
         Ocam::new(&[300.0, 0.0, 1e6], [1.0, 0.0, 0.0], None).map(Into::into),
+        FTheta::new(&[0.0, 300.0, -1e6], FThetaForm::Forward, [1.0, 0.0, 0.0], None).map(Into::into),
+        FTheta::new(&[0.0, 3e-3, -1.0], FThetaForm::Backward, [1.0, 0.0, 0.0], None).map(Into::into),
+        Division::new(1e9, None).map(Into::into),
+        InverseBrownConrady::new(&[-1e7, 0.0, 0.0, 0.0], None).map(Into::into),
+        ThinPrismFisheye::new(&[0.0, 0.0, 1e4, 0.0, 0.0, 0.0, 0.0, 0.0], None).map(Into::into),
     ];
     for (index, refused) in folded.into_iter().enumerate() {
         let Err(Error::Lens(LensError::Folds { angle, .. })) = refused else { panic!("{index}: {refused:?}") };
@@ -353,13 +461,20 @@ proptest! {
         count in prop::sample::select(vec![4usize, 5, 8, 12, 14]),
     ) {
         let c: Vec<f64> = values.iter().map(|&(power, part)| part * 10f64.powf(power)).collect();
-        let lenses: [ipm_rs::Result<Lens>; 6] = [
+        let lenses: [ipm_rs::Result<Lens>; 13] = [
             BrownConrady::new(&c[..count], None).map(Into::into),
             KannalaBrandt::new(&c[..4], None).map(Into::into),
             Mei::new(c[4].abs(), &c[..4], None).map(Into::into),
             Eucm::new(values[0].1.abs(), c[1].abs(), None).map(Into::into),
             RadialPolynomial::new(&[c[0].abs(), c[1], c[2], c[3]], None).map(Into::into),
             Ocam::new(&c[..count.min(12)], [1.0, 0.0, 0.0], None).map(Into::into),
+            FTheta::new(&[&[0.0, c[0].abs()], &c[1..10]].concat(), FThetaForm::Forward, [1.0, 0.0, 0.0], None).map(Into::into),
+            FTheta::new(&[&[0.0, c[0].abs()], &c[1..10]].concat(), FThetaForm::Backward, [1.0, 0.0, 0.0], None).map(Into::into),
+            Fov::new(c[0].abs(), None).map(Into::into),
+            Division::new(c[0], None).map(Into::into),
+            InverseBrownConrady::new(&c[..5], None).map(Into::into),
+            ThinPrismFisheye::new(&c[..8], None).map(Into::into),
+            ThinPrismFisheye::new(&c[..12], None).map(Into::into),
         ];
         for lens in lenses.into_iter().flatten() {
             prop_assert!((1e-3..=PI).contains(&lens.max_angle()), "{lens}: {}", lens.max_angle());
@@ -400,6 +515,21 @@ fn wrong_parameters_are_refused() {
         ("many", Ocam::new(&[1.0; 13], [1.0, 0.0, 0.0], None).map(Into::into)),
         ("affine", Ocam::new(&[-300.0], [0.0, 0.0, 0.0], None).map(Into::into)),
         ("affine", Ocam::new(&[-300.0], [1.0, nan, 0.0], None).map(Into::into)),
+        ("none", FTheta::new(&[0.0], FThetaForm::Forward, [1.0, 0.0, 0.0], None).map(Into::into)),
+        ("many", FTheta::new(&[0.0; 13], FThetaForm::Forward, [1.0, 0.0, 0.0], None).map(Into::into)),
+        ("a0", FTheta::new(&[1.0, 300.0], FThetaForm::Forward, [1.0, 0.0, 0.0], None).map(Into::into)),
+        ("a1", FTheta::new(&[0.0, -300.0], FThetaForm::Forward, [1.0, 0.0, 0.0], None).map(Into::into)),
+        ("form", FTheta::new(&[0.0, 3e-3], FThetaForm::Forward, [1.0, 0.0, 0.0], None).map(Into::into)),
+        ("form", FTheta::new(&[0.0, 300.0], FThetaForm::Backward, [1.0, 0.0, 0.0], None).map(Into::into)),
+        ("linear", FTheta::new(&[0.0, 300.0], FThetaForm::Forward, [-1.0, 0.0, 0.0], None).map(Into::into)),
+        ("omega", Fov::new(0.0, None).map(Into::into)),
+        ("omega", Fov::new(3.2, None).map(Into::into)),
+        ("omega", Fov::new(nan, None).map(Into::into)),
+        ("k", Division::new(nan, None).map(Into::into)),
+        ("count", InverseBrownConrady::new(&[0.0; 8], None).map(Into::into)),
+        ("count", ThinPrismFisheye::new(&[0.0; 10], None).map(Into::into)),
+        ("limit", Cylindrical::new(Some(0.0)).map(Into::into)),
+        ("limit", Equirectangular::new(Some(4.0)).map(Into::into)),
         ("limit", Eucm::new(0.5, 1.0, Some(0.0)).map(Into::into)),
         ("limit", Eucm::new(0.5, 1.0, Some(3.2)).map(Into::into)),
         ("limit", Ocam::new(&[-300.0], [1.0, 0.0, 0.0], Some(nan)).map(Into::into)),

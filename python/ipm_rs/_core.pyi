@@ -14,9 +14,15 @@ __all__ = [
     "BevGrid",
     "BrownConrady",
     "Camera",
+    "Cylindrical",
+    "Division",
     "DoubleSphere",
+    "Equirectangular",
     "Eucm",
+    "FTheta",
+    "Fov",
     "HeightMap",
+    "InverseBrownConrady",
     "KannalaBrandt",
     "Lut",
     "Mei",
@@ -24,6 +30,7 @@ __all__ = [
     "PixelRays",
     "Plane",
     "RadialPolynomial",
+    "ThinPrismFisheye",
     "_RigTable",
     "_checksum",
     "__version__",
@@ -67,7 +74,22 @@ class _CpuInfo(TypedDict):
     platform: str
     build: str
 
-_Lens: TypeAlias = BrownConrady | KannalaBrandt | Mei | DoubleSphere | Eucm | RadialPolynomial | Ocam
+_Lens: TypeAlias = (
+    BrownConrady
+    | KannalaBrandt
+    | Mei
+    | DoubleSphere
+    | Eucm
+    | RadialPolynomial
+    | Ocam
+    | FTheta
+    | Fov
+    | Division
+    | InverseBrownConrady
+    | ThinPrismFisheye
+    | Cylindrical
+    | Equirectangular
+)
 
 @final
 class BrownConrady:
@@ -323,6 +345,238 @@ class Ocam:
     def __reduce__(self) -> tuple[Any, tuple[Any, ...]]: ...
 
 @final
+class FTheta:
+    """NVIDIA's f-theta lens, a polynomial between the angle from the axis and pixels. Immutable, comparable, hashable,
+    picklable.
+
+    With `r = sqrt(X^2 + Y^2)`, `t = atan2(r, Z)`: `rho = a1 t + a2 t^2 + ...` pixels in the form "forward"
+    (`angle-to-pixeldistance`, `fw_poly`), `t = a1 rho + a2 rho^2 + ...` in the form "backward" (`pixeldistance-to-angle`,
+    `bw_poly`), which projection inverts to rounding. With `(x, y) = (X, Y) rho / r`: `pixel = K (c x + d y, e x + y, 1)`,
+    `K = [[1, 0, cx], [0, 1, cy], [0, 0, 1]]`. Source: DriveWorks' rig format (`ftheta`). The domain ends where the polynomial
+    stops growing.
+    """
+
+    def __new__(cls, polynomial: ArrayLike, form: Literal["forward", "backward"], linear: Sequence[float] = (1.0, 0.0, 0.0), *, max_angle: float | None = None) -> FTheta:
+        """A lens from its polynomial.
+
+        Args:
+            polynomial: a0, a1, a2, ..., from 2 to 12, constant first; a0 is 0, a1 above 0.
+            form: "forward" or "backward". A file that has both is defined by the one that it calls the reference.
+            linear: (c, d, e), `linear-c`, `linear-d` and `linear-e`.
+            max_angle: radians from the axis beyond which nothing is seen, where a lens's calibration or image circle ends
+                before its own limit; None for that limit.
+
+        Raises:
+            CalibrationError: a number is not finite or cannot be right, the image folds back within 0.001 rad of the axis.
+            ArgumentError, ArgumentTypeError: no list of numbers, or another form.
+        """
+    @property
+    def polynomial(self) -> list[float]:
+        """a0, a1, a2, ... as given."""
+    @property
+    def form(self) -> str:
+        """"forward" or "backward"."""
+    @property
+    def linear(self) -> tuple[float, float, float]:
+        """(c, d, e)."""
+    @property
+    def max_angle(self) -> float:
+        """The validity limit, radians from the axis: directions beyond it have no image."""
+    def __eq__(self, other: object, /) -> bool: ...
+    def __ne__(self, other: object, /) -> bool: ...
+    def __hash__(self) -> int: ...
+    def __reduce__(self) -> tuple[Any, tuple[Any, ...]]: ...
+
+@final
+class Fov:
+    """The field-of-view model of Devernay and Faugeras, COLMAP's `FOV`, Kalibr's `fov`, and DSO's. Immutable, comparable,
+    hashable, picklable.
+
+    With `r = sqrt(X^2 + Y^2) / Z`: `rho = atan(2 r tan(omega / 2)) / omega`, `pixel = K (X / Z rho / r, Y / Z rho / r, 1)`.
+    Source: Devernay and Faugeras 2001. The domain is what lies in front of the camera, Z > 0.
+    """
+
+    def __new__(cls, omega: float, *, max_angle: float | None = None) -> Fov:
+        """A lens from its parameter.
+
+        Args:
+            omega: radians, above 0 and below pi.
+            max_angle: radians from the axis beyond which nothing is seen, where a lens's calibration or image circle ends
+                before its own limit; None for that limit.
+
+        Raises:
+            CalibrationError: a number is not finite or cannot be right.
+            ArgumentTypeError: no number.
+        """
+    @property
+    def omega(self) -> float:
+        """The parameter, radians."""
+    @property
+    def max_angle(self) -> float:
+        """The validity limit, radians from the axis: directions beyond it have no image."""
+    def __eq__(self, other: object, /) -> bool: ...
+    def __ne__(self, other: object, /) -> bool: ...
+    def __hash__(self) -> int: ...
+    def __reduce__(self) -> tuple[Any, tuple[Any, ...]]: ...
+
+@final
+class Division:
+    """The division model of Fitzgibbon with one parameter, COLMAP's `DIVISION`. Immutable, comparable, hashable, picklable.
+
+    What is seen at m, `pixel = K (m, 1)`, looks along `(m, 1 + k |m|^2)`: for k < 0 also beyond 90 degrees. Source:
+    Fitzgibbon 2001. The domain ends where the angle stops growing with |m|. With more terms it is an `Ocam`, in pixels.
+    """
+
+    def __new__(cls, k: float, *, max_angle: float | None = None) -> Division:
+        """A lens from its parameter.
+
+        Args:
+            k: negative for barrel distortion; in K's focal lengths, so one of pixels is times the square of it.
+            max_angle: radians from the axis beyond which nothing is seen, where a lens's calibration or image circle ends
+                before its own limit; None for that limit.
+
+        Raises:
+            CalibrationError: a number is not finite or cannot be right, the image folds back within 0.001 rad of the axis.
+            ArgumentTypeError: no number.
+        """
+    @property
+    def k(self) -> float:
+        """The parameter."""
+    @property
+    def max_angle(self) -> float:
+        """The validity limit, radians from the axis: directions beyond it have no image."""
+    def __eq__(self, other: object, /) -> bool: ...
+    def __ne__(self, other: object, /) -> bool: ...
+    def __hash__(self) -> int: ...
+    def __reduce__(self) -> tuple[Any, tuple[Any, ...]]: ...
+
+@final
+class InverseBrownConrady:
+    """Brown-Conrady from the image to the ray, RealSense's `INVERSE_BROWN_CONRADY`. Immutable, comparable, hashable,
+    picklable.
+
+    What is seen at m, `pixel = K (m, 1)`, looks along `(B(m), 1)`, B the formula of `BrownConrady` with k1, k2, p1, p2, k3;
+    projection inverts it to rounding. Source: librealsense, `rs_types.h`, by which such coefficients undistort. The
+    domain is the largest cone within what B makes of the circle in which it is one-to-one.
+
+    Where coefficients called so were fitted to distort, as by OpenCV, they belong into a `BrownConrady`: librealsense's own
+    functions take these too in that sense. Of a straight edge only the right one makes a straight line.
+    """
+
+    def __new__(cls, coefficients: ArrayLike, *, max_angle: float | None = None) -> InverseBrownConrady:
+        """A lens from its coefficients.
+
+        Args:
+            coefficients: k1, k2, p1, p2[, k3].
+            max_angle: radians from the axis beyond which nothing is seen, where a lens's calibration or image circle ends
+                before its own limit; None for that limit.
+
+        Raises:
+            CalibrationError: a number is not finite or cannot be right, the image folds back within 0.001 rad
+                of the axis, or they are not 4 or 5.
+            ArgumentError, ArgumentTypeError: no list of numbers.
+        """
+    @property
+    def coefficients(self) -> list[float]:
+        """As given."""
+    @property
+    def max_angle(self) -> float:
+        """The validity limit, radians from the axis: directions beyond it have no image."""
+    def __eq__(self, other: object, /) -> bool: ...
+    def __ne__(self, other: object, /) -> bool: ...
+    def __hash__(self) -> int: ...
+    def __reduce__(self) -> tuple[Any, tuple[Any, ...]]: ...
+
+@final
+class ThinPrismFisheye:
+    """A fisheye with tangential and thin prism terms: COLMAP's `THIN_PRISM_FISHEYE` and `RAD_TAN_THIN_PRISM_FISHEYE`, which is
+    Project Aria's FISHEYE624. Immutable, comparable, hashable, picklable.
+
+    With `r = sqrt(X^2 + Y^2)`, `t = atan2(r, Z)`, `q = t (X, Y) / r`, `w = q (1 + k1 t^2 + k2 t^4 + ...)`, `s = x^2 + y^2`:
+    `pixel = K (w + T, 1)`, of 8 coefficients `T = (2 p1 x y + p2 (s + 2 x^2) + sx1 s, p1 (s + 2 y^2) + 2 p2 x y + sy1 s)` of
+    (x, y) = q, of 12 `T = (p1 (s + 2 x^2) + 2 p2 x y + s1 s + s2 s^2, 2 p1 x y + p2 (s + 2 y^2) + s3 s + s4 s^2)` of (x, y) =
+    w. It holds beyond 90 degrees. Source: COLMAP, `sensor/models.h`. The domain ends where the image folds.
+    """
+
+    def __new__(cls, coefficients: ArrayLike, *, max_angle: float | None = None) -> ThinPrismFisheye:
+        """A lens from its coefficients, in COLMAP's order.
+
+        Args:
+            coefficients: k1, k2, p1, p2, k3, k4, sx1, sy1; or k1 to k6 (COLMAP's k0 to k5), p1, p2 (p0, p1), s1 to s4 (s0 to s3).
+            max_angle: radians from the axis beyond which nothing is seen, where a lens's calibration or image circle ends
+                before its own limit; None for that limit.
+
+        Raises:
+            CalibrationError: a number is not finite or cannot be right, the image folds back within 0.001 rad
+                of the axis, or they are not 8 or 12.
+            ArgumentError, ArgumentTypeError: no list of numbers.
+        """
+    @property
+    def coefficients(self) -> list[float]:
+        """As given."""
+    @property
+    def max_angle(self) -> float:
+        """The validity limit, radians from the axis: directions beyond it have no image."""
+    def __eq__(self, other: object, /) -> bool: ...
+    def __ne__(self, other: object, /) -> bool: ...
+    def __hash__(self) -> int: ...
+    def __reduce__(self) -> tuple[Any, tuple[Any, ...]]: ...
+
+@final
+class Cylindrical:
+    """A panorama on a cylinder around the camera's y axis. Immutable, comparable, hashable, picklable.
+
+    `pixel = K (atan2(X, Z), Y / sqrt(X^2 + Z^2), 1)`: K holds pixels per radian, upright lines stay straight. The domain is
+    every direction but straight up and down.
+    """
+
+    def __new__(cls, *, max_angle: float | None = None) -> Cylindrical:
+        """The lens.
+
+        Args:
+            max_angle: radians from the axis beyond which nothing is seen, where a lens's calibration or image circle ends
+                before its own limit; None for that limit.
+
+        Raises:
+            CalibrationError: a limit that cannot be right.
+            ArgumentTypeError: no number.
+        """
+    @property
+    def max_angle(self) -> float:
+        """The validity limit, radians from the axis: directions beyond it have no image."""
+    def __eq__(self, other: object, /) -> bool: ...
+    def __ne__(self, other: object, /) -> bool: ...
+    def __hash__(self) -> int: ...
+    def __reduce__(self) -> tuple[Any, tuple[Any, ...]]: ...
+
+@final
+class Equirectangular:
+    """A panorama on a sphere, longitude to the right and latitude downwards. Immutable, comparable, hashable, picklable.
+
+    `pixel = K (atan2(X, Z), atan2(Y, sqrt(X^2 + Z^2)), 1)`: K holds pixels per radian; of a whole sphere that is
+    `width / (2 pi)` and `height / pi`, with the axis at `((width - 1) / 2, (height - 1) / 2)`. The domain is every direction.
+    """
+
+    def __new__(cls, *, max_angle: float | None = None) -> Equirectangular:
+        """The lens.
+
+        Args:
+            max_angle: radians from the axis beyond which nothing is seen, where a lens's calibration or image circle ends
+                before its own limit; None for that limit.
+
+        Raises:
+            CalibrationError: a limit that cannot be right.
+            ArgumentTypeError: no number.
+        """
+    @property
+    def max_angle(self) -> float:
+        """The validity limit, radians from the axis: directions beyond it have no image."""
+    def __eq__(self, other: object, /) -> bool: ...
+    def __ne__(self, other: object, /) -> bool: ...
+    def __hash__(self) -> int: ...
+    def __reduce__(self) -> tuple[Any, tuple[Any, ...]]: ...
+
+@final
 class Camera:
     """A calibrated camera: intrinsics, lens, image size and pose. Immutable, comparable, hashable, picklable.
 
@@ -407,7 +661,7 @@ class Camera:
         roll: float = 0.0,
         x: float = 0.0,
         y: float = 0.0,
-        lens: BrownConrady | KannalaBrandt | Mei | DoubleSphere | Eucm | RadialPolynomial | Ocam | None = None,
+        lens: _Lens | None = None,
     ) -> Camera:
         """A camera without a calibration of its pose: from the pixel where straight lane markings meet, and its height.
 
@@ -1489,6 +1743,69 @@ class Camera:
             CalibrationError: the angle cannot be right.
             ArgumentError, ArgumentTypeError: another argument is wrong.
         """
+    def undistorted(
+        self,
+        *,
+        size: Sequence[int] | None = None,
+        focal: float | Sequence[float] | None = None,
+        alpha: float | None = None,
+        level: bool = False,
+        lens: _Lens | None = None,
+    ) -> Camera:
+        """The camera of this one's picture without its lens, at the same place, for `Lut.between`.
+
+        `Lut.between(camera, camera.undistorted())` is `cv2.undistort`: the same K and size, straight lines straight.
+
+        Args:
+            size: (width, height) of the new picture; the old ones if not given.
+            focal: focal length in pixels, or (fx, fy), with the axis in the picture's middle. Without it and `alpha` the
+                scale on the axis and the principal point stay, scaled with the size as `resized` does.
+            alpha: from 0, the largest upright rectangle that is all of the old picture, to 1, the smallest that holds all
+                of it, as `cv2.getOptimalNewCameraMatrix` has it.
+            level: turn the view level, roll and pitch 0, where this camera looks.
+            lens: of the new camera: `Cylindrical()`, `Equirectangular()`, or any other. None is a pinhole, which shows less
+                than 180 degrees.
+
+        Raises:
+            CalibrationError: with `alpha` a flat picture would have to show more than 85 degrees from its axis.
+            ArgumentError, ArgumentTypeError: both `focal` and `alpha`, or numbers that cannot be right.
+        """
+    def project_polygon(
+        self, points: ArrayLike, *, ground: float | Plane | None = None, margin: float = 0.0
+    ) -> NDArray[np.float64]:
+        """The image of a polygon, clipped to the picture and closed, for `cv2.fillPoly` and its like.
+
+        What lies behind the camera or outside the lens's domain is cut off; edges are bent as the lens bends them.
+
+        Args:
+            points: (N, 3) vertices in the vehicle frame, metres, in order; or (N, 2) on the ground.
+            ground: height or plane of (N, 2) points; None is 0.
+            margin: pixels around the rectangle of pixel centres that are kept.
+
+        Returns:
+            (M, 2) float64, pixels of the part that is seen; (0, 2) where nothing is. Parts that a concave polygon falls into
+            are joined along the picture's edge by lines that take no area.
+
+        Raises:
+            ArgumentError, ArgumentTypeError: fewer than three vertices, another shape, or numbers that are not finite.
+        """
+    def ground_polygon(
+        self, pixels: ArrayLike, *, ground: float | Plane | None = None, max_distance: float = 200.0
+    ) -> NDArray[np.float64]:
+        """The ground that a polygon of the picture shows, closed: what lies above the horizon is cut off.
+
+        Args:
+            pixels: (N, 2) vertices (u, v), in order.
+            ground: the road; None is height 0.
+            max_distance: metres from below the camera, level, at which it is cut: towards the horizon there is no end of it.
+
+        Returns:
+            (M, 3) float64, vertices in the vehicle frame, metres; (0, 3) where no ground is seen.
+
+        Raises:
+            ArgumentError, ArgumentTypeError: fewer than three vertices, another shape, numbers that are not finite, or a
+                vertex that the lens has no ray for.
+        """
     def to_json(self) -> str:
         """The camera as JSON text, each float to the last bit; `from_json` gives an equal camera."""
     def save(self, path: str | PathLike[str]) -> None:
@@ -1939,6 +2256,30 @@ class Plane:
     @property
     def normal(self) -> NDArray[np.float64]:
         """The unit normal that points up, (3,) float64."""
+    def transformed(self, T: ArrayLike) -> Plane:
+        """The same plane in another frame.
+
+        Args:
+            T: (4, 4), takes points of the plane's frame to the other: a rotation and a translation in metres.
+
+        Raises:
+            ArgumentError: the plane stands upright there.
+            CalibrationError: T is no rigid motion.
+            ArgumentTypeError: T is no array of numbers.
+        """
+    @staticmethod
+    def from_camera(camera: Camera, *, normal: Sequence[float], point: Sequence[float]) -> Plane:
+        """The plane that was measured in a camera's own frame, as from a board or a depth image.
+
+        Args:
+            camera: in whose optical frame (x right, y down, z forward) it is given; its pose takes it to the vehicle.
+            normal: of any length and either sign. A level road's is about (0, -1, 0).
+            point: any point of the plane, metres. Of `n . p + d = 0` it is `-d n / (n . n)`.
+
+        Raises:
+            ArgumentError: the normal is zero, or the plane upright in the vehicle frame.
+            ArgumentTypeError, CalibrationError: no camera; numbers that are none or not finite.
+        """
     def height_at(self, xy: ArrayLike) -> NDArray[np.float64]:
         """z of the road.
 
@@ -2104,17 +2445,43 @@ class Lut:
             LutError, DtypeError: shapes or dtypes are wrong or differ.
         """
     @classmethod
+    @overload
     def from_homography(cls, M: ArrayLike, *, size: Sequence[int], source_size: Sequence[int]) -> Lut:
-        """A table from a homography.
+        """A table from a homography, of pixels or of metres.
 
         Args:
-            M: (3, 3), maps output pixel (column, row, 1) to source pixel, `cv2.WARP_INVERSE_MAP`'s direction. Both signs
-                of the third component sample the image: a homography's sign is arbitrary.
+            M: (3, 3). With `size=` it maps output pixel (column, row, 1) to source pixel, `cv2.WARP_INVERSE_MAP`'s direction,
+                and both signs of the third component sample the image: a homography's sign is arbitrary. With `grid=` it maps
+                (x, y, 1) on the ground in metres, x ahead and y to the left, to source pixel, and what lies beyond its horizon
+                is invalid. `numpy.linalg.inv` turns one that goes the other way.
             size: (width, height) of the output.
             source_size: (width, height) of the images that it is for.
+            grid: the cells of a bird's-eye view, instead of `size`.
 
         Raises:
             LutError: M is singular or not finite.
+            ArgumentError, ArgumentTypeError: both or neither of `size` and `grid`; with `grid=` an M that has y to the right,
+                or goes the other way: the middle of the picture's last row would see no ground.
+        """
+    @classmethod
+    @overload
+    def from_homography(cls, M: ArrayLike, *, source_size: Sequence[int], grid: BevGrid) -> Lut: ...
+    @staticmethod
+    def between(source: Camera, target: Camera) -> Lut:
+        """A table from the pictures of a camera to those that another takes from the same place.
+
+        Each pixel of the target looks along a ray, and samples the source where that ray is seen: undistorted, rectified,
+        turned, cropped, on a cylinder, or any lens from any other. What the source does not see, or masks, is invalid.
+        Coordinates are those of `cv2.initUndistortRectifyMap` and `cv2.fisheye.initUndistortRectifyMap`, to 1/65536 pixel.
+
+        Args:
+            source: whose pictures are warped.
+            target: whose pictures are made, such as `source.undistorted()`.
+
+        Raises:
+            ArgumentError: the cameras stand at different places.
+            ArgumentTypeError: no cameras.
+            OutOfMemoryError: there is no memory for the table.
         """
     @classmethod
     def from_ground_points(

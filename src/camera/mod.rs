@@ -12,7 +12,10 @@ mod trace;
 mod vanishing;
 mod views;
 
-pub use lens::{BrownConrady, DoubleSphere, Eucm, KannalaBrandt, Lens, Mei, Ocam, RadialPolynomial};
+pub use lens::{
+    BrownConrady, Cylindrical, Division, DoubleSphere, Equirectangular, Eucm, FTheta, FThetaForm, Fov,
+    InverseBrownConrady, KannalaBrandt, Lens, Mei, Ocam, RadialPolynomial, ThinPrismFisheye,
+};
 pub use pinhole::Pinhole;
 pub use range::RangeError;
 pub use views::Binning;

@@ -1,6 +1,6 @@
 //! The camera of another rendering of the same image: binned, turned, mirrored.
 
-use super::{BrownConrady, Camera, Lens, Mei, Ocam};
+use super::{BrownConrady, Camera, FTheta, InverseBrownConrady, Lens, Mei, Ocam, ThinPrismFisheye};
 use crate::error::{CameraError, Error, Result};
 use crate::view::check_image_size;
 
@@ -74,8 +74,32 @@ fn change(lens: &Lens, x: f64, y: f64) -> Lens {
             let [c, d, e] = lens.affine();
             Ocam::new(lens.polynomial(), [c, d * x * y, e * x * y], lens.limit()).expect(WHY).into()
         }
-        // these bend alike in every direction
-        Lens::KannalaBrandt(_) | Lens::DoubleSphere(_) | Lens::Eucm(_) | Lens::RadialPolynomial(_) => *lens,
+        Lens::FTheta(lens) => {
+            let [c, d, e] = lens.linear();
+            let linear = [c, d * x * y, e * x * y];
+            FTheta::new(lens.polynomial(), lens.form(), linear, lens.limit()).expect(WHY).into()
+        }
+        Lens::InverseBrownConrady(lens) => {
+            InverseBrownConrady::new(&brown(lens.coefficients()), lens.limit()).expect(WHY).into()
+        }
+        Lens::ThinPrismFisheye(lens) => {
+            // p and s stand elsewhere there, and those of 12 coefficients the other way round
+            let signs: &[f64] = match lens.coefficients().len() {
+                8 => &[1.0, 1.0, y, x, 1.0, 1.0, x, y],
+                _ => &[1.0, 1.0, 1.0, 1.0, 1.0, 1.0, x, y, x, x, y, y],
+            };
+            let turned: Vec<_> = lens.coefficients().iter().zip(signs).map(|(c, sign)| c * sign).collect();
+            ThinPrismFisheye::new(&turned, lens.limit()).expect(WHY).into()
+        }
+        // these bend alike to all sides
+        Lens::KannalaBrandt(_)
+        | Lens::DoubleSphere(_)
+        | Lens::Eucm(_)
+        | Lens::RadialPolynomial(_)
+        | Lens::Fov(_)
+        | Lens::Division(_)
+        | Lens::Cylindrical(_)
+        | Lens::Equirectangular(_) => *lens,
     }
 }
 
@@ -84,7 +108,7 @@ mod tests {
     use nalgebra::Vector3;
 
     use super::*;
-    use crate::camera::{DoubleSphere, KannalaBrandt, Pinhole};
+    use crate::camera::{DoubleSphere, Equirectangular, FThetaForm, KannalaBrandt, Pinhole};
 
     fn cameras() -> Vec<Camera> {
         let model = Pinhole::new(400.0, 410.0, 330.0, 200.0, 2.5).unwrap();
@@ -100,6 +124,17 @@ mod tests {
             camera.with_lens(Lens::from(KannalaBrandt::new(&[0.02, 0.0, 0.0, 0.0], None).unwrap())),
             camera.with_lens(Lens::from(DoubleSphere::new(-0.2, 0.6, None).unwrap())),
             in_pixels.with_lens(Lens::from(ocam)),
+            in_pixels.with_lens(Lens::from(
+                FTheta::new(&[0.0, 300.0, 3.0], FThetaForm::Forward, [1.01, 0.02, -0.01], None).unwrap(),
+            )),
+            camera.with_lens(Lens::from(InverseBrownConrady::new(&[0.1, 0.02, 0.01, -0.02], None).unwrap())),
+            camera.with_lens(Lens::from(
+                ThinPrismFisheye::new(&[0.01, -0.02, 1e-2, -2e-2, 3e-3, -1e-3, 4e-2, -5e-2], None).unwrap(),
+            )),
+            camera.with_lens(Lens::from(
+                ThinPrismFisheye::new(&[0.01, 0., 0., 0., 0., 0., 1e-2, -2e-2, 3e-2, 1e-2, -1e-2, 2e-2], None).unwrap(),
+            )),
+            camera.with_lens(Lens::from(Equirectangular::new(None).unwrap())),
         ]
     }
 

@@ -1,8 +1,8 @@
 //! Cells of a grid on the image, as a table samples them.
 
-use nalgebra::Matrix3;
+use nalgebra::{Matrix3, Vector3};
 
-use super::build::ProjectiveRow;
+use super::build::{ProjectiveRow, check_homography};
 use super::{Lut, Scene};
 use crate::camera::{Camera, Projection};
 use crate::cpu::Isa;
@@ -56,6 +56,31 @@ impl Lut {
         Self::from_image_from_ground(&found, grid, source)
     }
 
+    /// The table of a bird's-eye view by a homography from (x, y, 1) in metres, x ahead and y to the left, to source pixels.
+    /// What lies beyond its horizon is invalid: of the two sides the one seen by a camera above the ground.
+    ///
+    /// # Errors
+    /// Those of [`Lut::from_homography`], and [`PointsError::Unfit`] where the middle of the picture's last row would be
+    /// beyond the horizon, as it is where the matrix has y to the right, or the picture is upside down.
+    pub fn from_ground_homography(m: &Matrix3<f64>, grid: &BevGrid, source_size: (u32, u32)) -> Result<Self> {
+        check_homography(m)?;
+        let source = check_image_size("source_size", source_size.0.into(), source_size.1.into())?;
+        // of a camera above the road, K [r1 r2 t], the determinant is the focal lengths times the height below it
+        let m = if m.determinant() > 0.0 { -m } else { *m };
+        let nearest = Vector3::new(0.5 * f64::from(source.0 - 1), f64::from(source.1 - 1), 1.0);
+        let ground = m.try_inverse().map(|inverse| inverse * nearest);
+        if ground.is_none_or(|ground| ground.z <= 0.0) {
+            return Err(Error::Points(PointsError::Unfit {
+                what: "M",
+                expected: "a map from metres, x ahead and y to the left, to pixels, which sees ground below its horizon",
+                got: "its mirror image, or a picture upside down; change the sign of y with M @ diag([1, -1, 1]), or invert \
+                      an M that maps pixels to metres"
+                    .to_owned(),
+            }));
+        }
+        Self::from_image_from_ground(&m, grid, source)
+    }
+
     /// The table of a homography from (x, y, 1) on the road to the image; what has a third component of 0 or less lies
     /// behind the camera.
     fn from_image_from_ground(h: &Matrix3<f64>, grid: &BevGrid, source: (u32, u32)) -> Result<Self> {
@@ -98,6 +123,27 @@ mod tests {
         assert!(pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max) < 2e-4);
         let mirrored = ground.map(|[x, y]| [x, -y]);
         let error = Lut::from_ground_points(&image, &mirrored, &grid(), (1280, 720)).unwrap_err();
+        assert!(error.to_string().contains("mirror image"), "{error}");
+    }
+
+    #[test]
+    fn a_homography_of_either_sign_is_the_table_of_its_camera_up_to_the_horizon() {
+        let camera = camera();
+        let pose = camera.camera_from_vehicle();
+        let rotation = pose.rotation();
+        let columns = [rotation.column(0).into(), rotation.column(1).into(), *pose.translation()];
+        let m = camera.intrinsics() * Matrix3::from_columns(&columns);
+        let expected = Lut::new(&camera, &grid(), &Ground::default()).unwrap();
+        for scale in [1.0, -3.0, 1e-3] {
+            let lut = Lut::from_ground_homography(&(m * scale), &grid(), (1280, 720)).unwrap();
+            assert_eq!(lut.mask().unwrap(), expected.mask().unwrap());
+            let (got, expected) = (lut.maps(-9.0).unwrap(), expected.maps(-9.0).unwrap());
+            let pairs = got.0.iter().zip(&expected.0).chain(got.1.iter().zip(&expected.1));
+            assert!(pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max) < 2e-4);
+            assert_eq!(lut.grid(), Some(&grid()));
+        }
+        let mirrored = m * Matrix3::from_diagonal(&Vector3::new(1.0, -1.0, 1.0));
+        let error = Lut::from_ground_homography(&mirrored, &grid(), (1280, 720)).unwrap_err();
         assert!(error.to_string().contains("mirror image"), "{error}");
     }
 

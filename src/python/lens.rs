@@ -5,10 +5,13 @@ use std::hash::{Hash, Hasher};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 
-use super::convert::{Floats, Reduced, float, floats, rebuilt_by_new, tuple_text, type_name};
+use super::convert::{Floats, Reduced, float, floats, rebuilt_by_new, tuple_text, type_name, word};
 use super::error::classes::{ArgumentError, ArgumentTypeError};
 use crate::view::buffer;
-use crate::{BrownConrady, DoubleSphere, Eucm, KannalaBrandt, Lens, Mei, Ocam, RadialPolynomial};
+use crate::{
+    BrownConrady, Cylindrical, Division, DoubleSphere, Equirectangular, Eucm, FTheta, FThetaForm, Fov,
+    InverseBrownConrady, KannalaBrandt, Lens, Mei, Ocam, RadialPolynomial, ThinPrismFisheye,
+};
 
 /// A list of numbers, of any length.
 fn numbers(name: &str, object: &Bound<'_, PyAny>) -> PyResult<Vec<f64>> {
@@ -69,50 +72,30 @@ macro_rules! lens_class {
     };
 }
 
-lens_class!(PyBrownConrady, BrownConrady, "BrownConrady",
-    self => (self.lens.coefficients().to_vec()), {
-    #[new]
-    #[pyo3(signature = (coefficients, *, max_angle = None))]
-    fn new(coefficients: &Bound<'_, PyAny>, max_angle: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
-        Ok(Self { lens: BrownConrady::new(&numbers("coefficients", coefficients)?, limit(max_angle)?)? })
-    }
+/// The class of a model that has a list of coefficients alone.
+macro_rules! coefficients_class {
+    ($class:ident, $model:ident, $name:literal) => {
+        lens_class!($class, $model, $name, self => (self.lens.coefficients().to_vec()), {
+            #[new]
+            #[pyo3(signature = (coefficients, *, max_angle = None))]
+            fn new(coefficients: &Bound<'_, PyAny>, max_angle: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
+                Ok(Self { lens: $model::new(&numbers("coefficients", coefficients)?, limit(max_angle)?)? })
+            }
 
-    #[doc = help!("BrownConrady.coefficients")]
-    #[getter]
-    fn coefficients(&self) -> Vec<f64> {
-        self.lens.coefficients().to_vec()
-    }
-});
+            #[doc = help!($name, ".coefficients")]
+            #[getter]
+            fn coefficients(&self) -> Vec<f64> {
+                self.lens.coefficients().to_vec()
+            }
+        });
+    };
+}
 
-lens_class!(PyKannalaBrandt, KannalaBrandt, "KannalaBrandt",
-    self => (self.lens.coefficients().to_vec()), {
-    #[new]
-    #[pyo3(signature = (coefficients, *, max_angle = None))]
-    fn new(coefficients: &Bound<'_, PyAny>, max_angle: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
-        Ok(Self { lens: KannalaBrandt::new(&numbers("coefficients", coefficients)?, limit(max_angle)?)? })
-    }
-
-    #[doc = help!("KannalaBrandt.coefficients")]
-    #[getter]
-    fn coefficients(&self) -> Vec<f64> {
-        self.lens.coefficients().to_vec()
-    }
-});
-
-lens_class!(PyRadialPolynomial, RadialPolynomial, "RadialPolynomial",
-    self => (self.lens.coefficients().to_vec()), {
-    #[new]
-    #[pyo3(signature = (coefficients, *, max_angle = None))]
-    fn new(coefficients: &Bound<'_, PyAny>, max_angle: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
-        Ok(Self { lens: RadialPolynomial::new(&numbers("coefficients", coefficients)?, limit(max_angle)?)? })
-    }
-
-    #[doc = help!("RadialPolynomial.coefficients")]
-    #[getter]
-    fn coefficients(&self) -> Vec<f64> {
-        self.lens.coefficients().to_vec()
-    }
-});
+coefficients_class!(PyBrownConrady, BrownConrady, "BrownConrady");
+coefficients_class!(PyKannalaBrandt, KannalaBrandt, "KannalaBrandt");
+coefficients_class!(PyRadialPolynomial, RadialPolynomial, "RadialPolynomial");
+coefficients_class!(PyInverseBrownConrady, InverseBrownConrady, "InverseBrownConrady");
+coefficients_class!(PyThinPrismFisheye, ThinPrismFisheye, "ThinPrismFisheye");
 
 lens_class!(PyMei, Mei, "Mei",
     self => (self.lens.xi(), self.lens.coefficients().to_vec()), {
@@ -210,6 +193,86 @@ lens_class!(PyOcam, Ocam, "Ocam",
     }
 });
 
+lens_class!(PyFTheta, FTheta, "FTheta",
+    self => (self.lens.polynomial().to_vec(), self.lens.form().to_string(), self.lens.linear().to_vec()), {
+    #[new]
+    #[pyo3(
+        signature = (polynomial, form, linear = None, *, max_angle = None),
+        text_signature = "(polynomial, form, linear=(1.0, 0.0, 0.0), *, max_angle=None)"
+    )]
+    fn new(
+        polynomial: &Bound<'_, PyAny>,
+        form: &Bound<'_, PyAny>,
+        linear: Option<&Bound<'_, PyAny>>,
+        max_angle: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        let expected = "form: expected \"forward\", from the angle to pixels, or \"backward\", from pixels to the angle";
+        let form = match word(expected, form)?.as_ref() {
+            "forward" => FThetaForm::Forward,
+            "backward" => FThetaForm::Backward,
+            other => return Err(ArgumentError::new_err(format!("{expected}, got {other:?}"))),
+        };
+        let linear = linear.map_or(Ok([1.0, 0.0, 0.0]), |object| floats("linear", "(c, d, e)", object))?;
+        Ok(Self { lens: FTheta::new(&numbers("polynomial", polynomial)?, form, linear, limit(max_angle)?)? })
+    }
+
+    #[doc = help!("FTheta.polynomial")]
+    #[getter]
+    fn polynomial(&self) -> Vec<f64> {
+        self.lens.polynomial().to_vec()
+    }
+
+    #[doc = help!("FTheta.form")]
+    #[getter]
+    fn form(&self) -> String {
+        self.lens.form().to_string()
+    }
+
+    #[doc = help!("FTheta.linear")]
+    #[getter]
+    fn linear(&self) -> (f64, f64, f64) {
+        self.lens.linear().into()
+    }
+});
+
+/// The class of a model that has one number.
+macro_rules! number_class {
+    ($class:ident, $model:ident, $name:literal, $number:ident) => {
+        lens_class!($class, $model, $name, self => (self.lens.$number()), {
+            #[new]
+            #[pyo3(signature = ($number, *, max_angle = None))]
+            fn new($number: &Bound<'_, PyAny>, max_angle: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
+                Ok(Self { lens: $model::new(float(stringify!($number), $number)?, limit(max_angle)?)? })
+            }
+
+            #[doc = help!($name, ".", stringify!($number))]
+            #[getter]
+            fn $number(&self) -> f64 {
+                self.lens.$number()
+            }
+        });
+    };
+}
+
+number_class!(PyFov, Fov, "Fov", omega);
+number_class!(PyDivision, Division, "Division", k);
+
+/// The class of a model that has no numbers.
+macro_rules! panorama_class {
+    ($class:ident, $model:ident, $name:literal) => {
+        lens_class!($class, $model, $name, self => (), {
+            #[new]
+            #[pyo3(signature = (*, max_angle = None))]
+            fn new(max_angle: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
+                Ok(Self { lens: $model::new(limit(max_angle)?)? })
+            }
+        });
+    };
+}
+
+panorama_class!(PyCylindrical, Cylindrical, "Cylindrical");
+panorama_class!(PyEquirectangular, Equirectangular, "Equirectangular");
+
 /// The lens of a `lens=` argument.
 pub(super) fn lens(object: Option<&Bound<'_, PyAny>>) -> PyResult<Option<Lens>> {
     let Some(object) = object else { return Ok(None) };
@@ -220,7 +283,18 @@ pub(super) fn lens(object: Option<&Bound<'_, PyAny>>) -> PyResult<Option<Lens>> 
             })*
         };
     }
-    try_each!(PyBrownConrady, PyKannalaBrandt, PyMei, PyDoubleSphere, PyEucm, PyRadialPolynomial, PyOcam);
+    try_each!(
+        PyBrownConrady,
+        PyKannalaBrandt,
+        PyMei,
+        PyDoubleSphere,
+        PyEucm,
+        PyRadialPolynomial,
+        PyOcam,
+        PyFTheta,
+        PyFov
+    );
+    try_each!(PyDivision, PyInverseBrownConrady, PyThinPrismFisheye, PyCylindrical, PyEquirectangular);
     Err(ArgumentTypeError::new_err(format!(
         "lens: expected None, a pinhole, or a lens model such as ipm_rs.BrownConrady([k1, k2, p1, p2]), got {}",
         type_name(object)
@@ -237,6 +311,13 @@ pub(super) fn lens_to_python<'py>(py: Python<'py>, lens: &Lens) -> PyResult<Boun
         Lens::Eucm(lens) => Bound::new(py, PyEucm { lens })?.into_any(),
         Lens::RadialPolynomial(lens) => Bound::new(py, PyRadialPolynomial { lens })?.into_any(),
         Lens::Ocam(lens) => Bound::new(py, PyOcam { lens })?.into_any(),
+        Lens::FTheta(lens) => Bound::new(py, PyFTheta { lens })?.into_any(),
+        Lens::Fov(lens) => Bound::new(py, PyFov { lens })?.into_any(),
+        Lens::Division(lens) => Bound::new(py, PyDivision { lens })?.into_any(),
+        Lens::InverseBrownConrady(lens) => Bound::new(py, PyInverseBrownConrady { lens })?.into_any(),
+        Lens::ThinPrismFisheye(lens) => Bound::new(py, PyThinPrismFisheye { lens })?.into_any(),
+        Lens::Cylindrical(lens) => Bound::new(py, PyCylindrical { lens })?.into_any(),
+        Lens::Equirectangular(lens) => Bound::new(py, PyEquirectangular { lens })?.into_any(),
     })
 }
 
@@ -252,6 +333,12 @@ pub(super) fn hash_lens<H: Hasher>(lens: &Lens, state: &mut H) {
         Lens::Eucm(lens) => feed(&[lens.alpha(), lens.beta()]),
         Lens::RadialPolynomial(lens) => feed(lens.coefficients()),
         Lens::Ocam(lens) => (feed(lens.forward()), feed(&lens.affine())).1,
+        Lens::FTheta(lens) => (feed(lens.all_coefficients()), feed(&lens.linear())).1,
+        Lens::Fov(lens) => feed(&[lens.omega()]),
+        Lens::Division(lens) => feed(&[lens.k()]),
+        Lens::InverseBrownConrady(lens) => feed(lens.all_coefficients()),
+        Lens::ThinPrismFisheye(lens) => feed(lens.coefficients()),
+        Lens::Cylindrical(_) | Lens::Equirectangular(_) => {}
     }
     feed(&[lens.max_angle()]);
 }

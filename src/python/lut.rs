@@ -15,6 +15,7 @@ use super::dtype::{Samples, Taken, for_blended, for_moved};
 use super::error::classes::{ArgumentError, ArgumentTypeError, ImageError};
 use super::grid::PyBevGrid;
 use super::ground::{road, road_object};
+use super::ground_points::bev_grid;
 use super::image::{ImageArray, Output};
 use super::layout::Layout;
 use super::maps::{MapPair, map_array};
@@ -111,8 +112,8 @@ impl PyLut {
     #[doc = help!("Lut.from_homography")]
     #[classmethod]
     #[pyo3(
-        signature = (M, *positional, size = None, source_size = None),
-        text_signature = "(M, *, size, source_size)"
+        signature = (M, *positional, size = None, source_size = None, grid = None),
+        text_signature = "(M, *, size=None, source_size, grid=None)"
     )]
     #[expect(non_snake_case, reason = "the field's name for a homography")]
     fn from_homography(
@@ -121,11 +122,22 @@ impl PyLut {
         positional: &Bound<'_, PyTuple>,
         size: Option<&Bound<'_, PyAny>>,
         source_size: Option<&Bound<'_, PyAny>>,
+        grid: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
         const EXAMPLE: &str = "Lut.from_homography(M, size=(800, 600), source_size=(1920, 1080))";
         let call = Call::new("Lut.from_homography", EXAMPLE, positional)?;
         let py = M.py();
         let matrix: Matrix3<f64> = matrix3("M", M)?;
+        if let Some(grid) = grid {
+            let grid = bev_grid(grid)?.grid;
+            if size.is_some() {
+                return Err(ArgumentError::new_err(
+                    "size: expected size= or grid=, got both; the grid has its own size",
+                ));
+            }
+            let source_size = super::convert::size("source_size", call.needs("source_size", source_size)?)?;
+            return Ok(detached::run(py, || Lut::from_ground_homography(&matrix, &grid, source_size))?.into());
+        }
         let size = super::convert::size("size", call.needs("size", size)?)?;
         let source_size = super::convert::size("source_size", call.needs("source_size", source_size)?)?;
         Ok(detached::run(py, || Lut::from_homography(&matrix, size, source_size))?.into())

@@ -82,7 +82,10 @@ mod core_module {
     #[pymodule_export]
     use super::ground_points::{homography_from_points, vanishing_point};
     #[pymodule_export]
-    use super::lens::{PyBrownConrady, PyDoubleSphere, PyEucm, PyKannalaBrandt, PyMei, PyOcam, PyRadialPolynomial};
+    use super::lens::{
+        PyBrownConrady, PyCylindrical, PyDivision, PyDoubleSphere, PyEquirectangular, PyEucm, PyFTheta, PyFov,
+        PyInverseBrownConrady, PyKannalaBrandt, PyMei, PyOcam, PyRadialPolynomial, PyThinPrismFisheye,
+    };
     #[pymodule_export]
     use super::lut::PyLut;
     #[pymodule_export]

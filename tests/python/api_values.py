@@ -32,6 +32,12 @@ LENSES = {
     "Mei": ipm_rs.Mei(0.9, [0.01, 0, 0, 0]),
     "DoubleSphere": ipm_rs.DoubleSphere(-0.2, 0.55),
     "Eucm": ipm_rs.Eucm(0.6, 1.1),
+    "Fov": ipm_rs.Fov(0.9),
+    "Division": ipm_rs.Division(-0.2),
+    "InverseBrownConrady": ipm_rs.InverseBrownConrady([0.1, -0.02, 0.001, 0.002]),
+    "ThinPrismFisheye": ipm_rs.ThinPrismFisheye([0.01, -0.002, 1e-3, 2e-3, 0, 0, 1e-3, 0]),
+    "Cylindrical": ipm_rs.Cylindrical(),
+    "Equirectangular": ipm_rs.Equirectangular(max_angle=2.0),
 }
 POSE = {"position": (1.0, 0.2, 1.5), "pitch": 0.3}
 CAMERAS = [
@@ -70,6 +76,7 @@ def _drive() -> tuple[ipm_rs.Camera, list[np.ndarray], np.ndarray]:
 DRIVE = _drive()
 LIFTED = np.array([[0, 0, 0.0], [0, 0, 0.5], [0, 0, 1], [0, 0, 0.2], [0, 0, 1.2]])
 GROUND_POINTS = np.array([[5.0, 1, 0], [6, -1, 0], [9, 2, 0], [12, -2, 0], [8, 0, 0]])
+HOMOGRAPHY = ipm_rs.Homography.from_points(CAMERAS[0].project(GROUND_POINTS)[0], GROUND_POINTS[:, :2])
 RIG_LUTS = [ipm_rs.RigLut(RIG, grid, blend=blend) for grid, blend in zip(GRIDS, ("best", "feather"), strict=False)]
 BOARD = np.pad(np.kron((np.indices((4, 6)).sum(axis=0) % 2) * 200, np.ones((16, 16))), 24, constant_values=230).astype(
     "u1"
@@ -526,10 +533,50 @@ RECIPES: dict[str, Callable[[Values], tuple[Callable[..., Any], Arguments]]] = {
         v.rng.choice(CAMERAS).masked,
         {"mask": textured(HEIGHT, WIDTH, 1)[..., 0] > 99, "hide": [[3, 4], [9, 4], [5, 9]]},
     ),
+    "Camera.undistorted": lambda v: (
+        v.rng.choice(CAMERAS[:5]).undistorted,
+        {"size": (WIDTH, 24), "focal": v.rng.choice([30.0, (30, 25)]), "level": True, "lens": None},
+    ),
+    "Camera.project_polygon": lambda v: (
+        v.rng.choice(CAMERAS).project_polygon,
+        {"points": SQUARE.copy(), "ground": v.rng.choice([0.0, -0.2]), "margin": 1.0},
+    ),
+    "Camera.ground_polygon": lambda v: (
+        CAMERAS[0].ground_polygon,
+        {"pixels": [[4.0, 4], [60, 6], [50, 40]], "ground": 0.0, "max_distance": 50.0},
+    ),
+    "Plane.transformed": lambda v: (ROADS[2].transformed, {"T": CAMERAS[0].vehicle_from_camera @ np.eye(4)}),
+    "Plane.from_camera": lambda v: (
+        ipm_rs.Plane.from_camera,
+        {"camera": CAMERAS[0], "normal": (0.0, -1.0, 0.1), "point": (0.0, 1.5, 0.0)},
+    ),
+    "Homography": lambda v: (
+        ipm_rs.Homography,
+        {"matrix": HOMOGRAPHY.matrix, "errors": HOMOGRAPHY.errors, "used": HOMOGRAPHY.used},
+    ),
+    "Homography.from_points": lambda v: (
+        ipm_rs.Homography.from_points,
+        {
+            "image_points": CAMERAS[0].project(GROUND_POINTS)[0],
+            "ground_points": GROUND_POINTS[:, :2],
+            "tolerance": v.rng.choice([None, 3.0]),
+        },
+    ),
+    "Homography.from_matrix": lambda v: (
+        ipm_rs.Homography.from_matrix,
+        {"M": HOMOGRAPHY.matrix.copy(), "seen": (5.0, 1.0)},
+    ),
+    "Homography.pixels_from_ground": lambda v: (HOMOGRAPHY.pixels_from_ground, {"xy": GROUND_POINTS[:, :2]}),
+    "Homography.ground_from_pixels": lambda v: (HOMOGRAPHY.ground_from_pixels, {"uv": [[3.0, 40], [9, 4]]}),
+    "Lut.between": lambda v: (ipm_rs.Lut.between, {"source": v.rng.choice(CAMERAS), "target": CAMERAS[0]}),
     "Lut.from_maps": _with(ipm_rs.Lut.from_maps, lambda v: {**v.maps(), "source_size": (WIDTH, HEIGHT)}),
     "Lut._from_bytes": _with(ipm_rs.Lut._from_bytes, lambda v: {"data": LUTS[0].__reduce__()[1][0]}),
     "BevGrid": _with(ipm_rs.BevGrid, lambda v: {"x": (4, 14), "y": (-4, 4), "resolution": PARAMETERS["resolution"](v)}),
     "RadialPolynomial": _with(ipm_rs.RadialPolynomial, lambda v: {"coefficients": [50.0, 0.1, 0, 0], "max_angle": 1.0}),
+    "FTheta": _with(
+        ipm_rs.FTheta,
+        lambda v: {"polynomial": [0, 50.0, 0.1], "form": "forward", "linear": (1, 0, 0), "max_angle": 1.0},
+    ),
     "decode_carla_depth": _with(
         ipm_rs.decode_carla_depth,
         lambda v: {"image": textured(HEIGHT, WIDTH, 4), "order": "bgra", "normalized": True, "threads": 1},
@@ -556,6 +603,7 @@ RECIPES: dict[str, Callable[[Values], tuple[Callable[..., Any], Arguments]]] = {
     ),
 }
 OBJECTS = [
+    HOMOGRAPHY,
     BOWL,
     TRAJECTORY,
     *CAMERAS,
@@ -617,6 +665,8 @@ def _equal(one: Any) -> Callable[[Any], Any]:
 def _one_of(kind: type) -> Any:
     if kind is ipm_rs.RadialPolynomial:
         return ipm_rs.RadialPolynomial([50.0, 0.1, 0, 0])
+    if kind is ipm_rs.FTheta:
+        return ipm_rs.FTheta([0.0, 0.02, 1e-5], "backward")
     return ipm_rs.Ocam([200.0, 0, -1e-3])
 
 

@@ -33,6 +33,7 @@ TAKEN = {
     "with_pose": (lambda a: CAMERA.with_pose(a).position, POSE),
     "lens": (lambda a: ipm_rs.BrownConrady(a).coefficients, np.array([0.1, 0.2, 0, 0])),
     "Ocam": (lambda a: ipm_rs.Ocam(a).polynomial, np.array([200.0, 0, -1e-3])),
+    "FTheta": (lambda a: ipm_rs.FTheta(a, "forward").polynomial, np.array([0.0, 200.0, -1e-3])),
     "project": (lambda a: CAMERA.project(a)[0], POINTS),
     "project on the road": (lambda a: CAMERA.project(a)[0], GROUND),
     "unproject": (CAMERA.unproject, PIXELS),

@@ -28,6 +28,10 @@ LENSES = {
     "double sphere": (K, ipm_rs.DoubleSphere(-0.2, 0.6)),
     "eucm": (K, ipm_rs.Eucm(0.6, 1.1)),
     "polynomial": (PIXELS, ipm_rs.RadialPolynomial([340, -30, 40, -7])),
+    "f-theta": (PIXELS, ipm_rs.FTheta([0, 300, 3], "forward", (1.01, 0.02, -0.01))),
+    "inverse": (K, ipm_rs.InverseBrownConrady([0.1, 0.02, 0.01, -0.02])),
+    "prism": (K, ipm_rs.ThinPrismFisheye([0.01, -0.02, 0.01, -0.02, 3e-3, -1e-3, 0.04, -0.05])),
+    "sphere": (K, ipm_rs.Equirectangular()),
     "ocam": (PIXELS, ipm_rs.Ocam([-300, 0, 1e-3, 1e-7], (1.01, 0.02, -0.01))),
 }
 

@@ -17,6 +17,8 @@ ATTACHED = {
     *(f"Camera.from_{name}" for name in ("ground_points", "points", "projection", "fov")),
     *("Camera.load", "Camera.load_all"),
     *(f"Camera.from_{name}" for name in FORMATS),
+    *(f"Camera.{name}" for name in ("undistorted", "project_polygon", "ground_polygon")),
+    *("Lut.between", "Plane.from_camera", "Plane.transformed"),
 }
 """Written in Python, with docstrings of their own, which go further than the stub's."""
 

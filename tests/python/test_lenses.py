@@ -33,11 +33,23 @@ PINHOLE_LIKE = [
     ipm_rs.DoubleSphere(0.3, 0.4),
     ipm_rs.Eucm(0.6, 1.1),
     ipm_rs.Eucm(0.3, 0.8),
+    ipm_rs.Fov(0.93),
+    ipm_rs.Division(-0.35),
+    ipm_rs.Division(0.12),
+    ipm_rs.InverseBrownConrady([-0.15, 0.06, 1e-3, -2e-3]),
+    ipm_rs.InverseBrownConrady([0.16, -0.05, -5e-4, 7e-4, 0.02]),
+    ipm_rs.ThinPrismFisheye([0.012, -0.02, 1e-3, -2e-3, 3e-3, -1e-3, 4e-3, -5e-3]),
+    ipm_rs.ThinPrismFisheye([0.01, -0.02, 3e-3, -1e-3, 5e-4, -1e-4, 1e-3, -2e-3, 4e-3, -5e-3, 2e-3, -1e-3]),
+    ipm_rs.Cylindrical(),
+    ipm_rs.Equirectangular(),
 ]
 IN_PIXELS = [
     ipm_rs.RadialPolynomial([339.749, -31.988, 48.275, -7.201]),
     ipm_rs.Ocam([-350.0, 0.0, 1e-3, -1e-6, 1e-9], (1.001, 2e-3, -3e-3)),
     ipm_rs.Ocam([420.0, 0.0, -8e-4, 2e-7]),
+    ipm_rs.FTheta([0.0, 340.0, 4.0, -9.0, 1.5], "forward", (1.002, 1e-3, -2e-3)),
+    ipm_rs.FTheta([0.0, 2.7e-3, 2.4e-8, 1.9e-11, 1.2e-14], "backward"),  # as NVIDIA's 120 degree cameras, in small
+    ipm_rs.FTheta([0.0, 3e-3, -1e-7, 2e-10, -6e-13, 4e-16, -1e-19], "backward", (0.998, -1e-3, 1e-3)),
 ]
 LENSES = [*PINHOLE_LIKE, *IN_PIXELS]
 LIMITED = [
@@ -48,13 +60,23 @@ LIMITED = [
     ipm_rs.Eucm(0.6, 1.1, max_angle=1.6),
     ipm_rs.RadialPolynomial([339.749, -31.988, 48.275, -7.201], max_angle=1.6),
     ipm_rs.Ocam([-350.0, 0.0, 1e-3, -1e-6, 1e-9], max_angle=1.6),
+    ipm_rs.FTheta([0.0, 340.0, 4.0], "forward", max_angle=1.6),
+    ipm_rs.FTheta([0.0, 2.7e-3, 2.4e-8, 1.9e-11, 1.2e-14], "backward", max_angle=1.2),
+    ipm_rs.Fov(0.93, max_angle=1.2),
+    ipm_rs.Division(-0.35, max_angle=1.6),
+    ipm_rs.InverseBrownConrady([-0.15, 0.06, 1e-3, -2e-3], max_angle=0.5),
+    ipm_rs.ThinPrismFisheye([0.012, -0.02, 1e-3, -2e-3, 3e-3, -1e-3, 4e-3, -5e-3], max_angle=1.2),
+    ipm_rs.Cylindrical(max_angle=1.6),
+    ipm_rs.Equirectangular(max_angle=1.6),
 ]
+# where the formula goes from the pixel to the ray, a pixel is less certain at the edge, where the angle stands still
+BY_INVERSE = ipm_rs.Ocam | ipm_rs.FTheta | ipm_rs.InverseBrownConrady | ipm_rs.Division
 OPTICAL_FROM_FLU = reference.OPTICAL_FROM_FLU
 
 
 def intrinsics(lens, skew=1.5):
     """K as the lens wants it."""
-    if isinstance(lens, ipm_rs.RadialPolynomial | ipm_rs.Ocam):
+    if isinstance(lens, ipm_rs.RadialPolynomial | ipm_rs.Ocam | ipm_rs.FTheta):
         return np.array([[1.0, 0.0, 640.2], [0.0, 1.02, 480.7], [0.0, 0.0, 1.0]])
     return np.array([[350.0, skew, 640.2], [0.0, 355.0, 480.7], [0.0, 0.0, 1.0]])
 
@@ -153,8 +175,7 @@ def test_is_the_reference_over_the_whole_domain(lens):
     )
     near = np.abs(expected).max(axis=1) < 1e4
     assert near.sum() > 500
-    # Ocam's angle stands still where its domain ends, and the pixel is less certain there
-    sure = near & (angle < lens.max_angle * 0.999) if isinstance(lens, ipm_rs.Ocam) else near
+    sure = near & (angle < lens.max_angle * 0.999) if isinstance(lens, BY_INVERSE) else near
     assert np.abs(uv - expected)[sure].max() < 1e-7
     assert np.allclose(depth, same_depth, rtol=0, atol=1e-12)
     assert np.array_equal(valid[clear], same_valid[clear])
@@ -163,15 +184,20 @@ def test_is_the_reference_over_the_whole_domain(lens):
 @pytest.mark.slow
 @each_lens
 def test_the_domain_ends_where_the_reference_folds(lens):
-    if isinstance(lens, ipm_rs.Ocam | ipm_rs.DoubleSphere | ipm_rs.Eucm):
+    if isinstance(lens, ipm_rs.Cylindrical | ipm_rs.Equirectangular):
+        assert lens.max_angle == np.pi, "to all sides"
+        return
+    if isinstance(lens, BY_INVERSE | ipm_rs.DoubleSphere | ipm_rs.Eucm | ipm_rs.Fov):
         # these know their end themselves: up to there nothing folds
-        assert lenses.fold_angle(lambda rays: lenses.image_of(rays, lens), 1e-3) > lens.max_angle - 3e-3
+        step = 3e-2 if isinstance(lens, ipm_rs.InverseBrownConrady | ipm_rs.FTheta) else 1e-3  # searched for each
+        assert lenses.fold_angle(lambda rays: lenses.image_of(rays, lens), step) > lens.max_angle - 3 * step
         return
     formula = {
         "BrownConrady": lambda rays: lenses.brown_conrady(rays, lens.coefficients),
         "KannalaBrandt": lambda rays: lenses.kannala_brandt(rays, lens.coefficients),
         "Mei": lambda rays: lenses.mei(rays, lens.xi, lens.coefficients),
         "RadialPolynomial": lambda rays: lenses.radial_polynomial(rays, lens.coefficients),
+        "ThinPrismFisheye": lambda rays: lenses.thin_prism_fisheye(rays, lens.coefficients),
     }[type(lens).__name__]
     fold = lenses.fold_angle(formula, 5e-4)
     assert lens.max_angle <= fold + 1e-3, "nothing beyond a fold"
@@ -233,7 +259,7 @@ def test_unproject_undoes_project(lens):
     camera = forward(lens)
     uv, _, _ = camera.project(in_vehicle(rays))
     near = np.abs(uv - [640, 480]).max(axis=1) < 3e4
-    if isinstance(lens, ipm_rs.Ocam):  # near its edge the angle hardly moves with the pixel
+    if isinstance(lens, BY_INVERSE):
         near &= angle < lens.max_angle * 0.99
     assert near.sum() > 2000
     back = camera.unproject(uv[near])
@@ -247,6 +273,17 @@ def test_unproject_undoes_project(lens):
 @each_lens
 def test_pixels_beyond_the_image_of_the_domain_have_no_ray(lens):
     camera = forward(lens)
+    if isinstance(lens, ipm_rs.Cylindrical | ipm_rs.Equirectangular):
+        K = camera.intrinsics
+        around, down = K[0, 0] * np.pi, K[1, 1] * np.pi / 2
+        beyond = [[K[0, 2] + 1.01 * around, K[1, 2]], [K[0, 2] - 1.01 * around, K[1, 2]]]
+        if isinstance(lens, ipm_rs.Equirectangular):
+            beyond.append([K[0, 2], K[1, 2] + 1.01 * down])
+        assert np.isnan(camera.unproject(beyond)).all()
+        return
+    if isinstance(lens, ipm_rs.InverseBrownConrady):  # which sees up to 90 degrees, at pixels without end
+        lens = ipm_rs.InverseBrownConrady(lens.coefficients, max_angle=0.9)
+        camera = forward(lens)
     edge = camera.project(in_vehicle(directions(lens.max_angle * (1 - 1e-9), np.linspace(0, 6, 40))))[0]
     finite = np.abs(edge).max(axis=1) < 1e5
     beyond = np.array([640.2, 480.7]) + 1.01 * (edge[finite] - [640.2, 480.7])
@@ -356,6 +393,77 @@ def test_ocam_of_a_file_is_ocamcalibs_own_formula():
     assert ipm_rs.Ocam(ss) == ipm_rs.Ocam([-a for a in ss]), "MATLAB's sign"
 
 
+def test_vectors_of_colmap():
+    """Pixels of COLMAP 4.2.1's `img_from_cam` without the half pixel of its corner base."""
+    points = np.array([[0.3, -0.2, 1], [0.9, 0.4, 0.5], [0.9, 0.4, 0.01]])
+    K = np.array([[500.0, 0, 500], [0, 510, 400], [0, 0, 1]])
+    radial = [0.01, -0.02, 0.003, -0.001, 0.0005, -0.0001]
+    for lens, expected in [
+        (
+            ipm_rs.Fov(0.9),
+            [[654.94237715, 294.63918354], [1051.82636081, 650.16128357], [1292.11575262, 759.09247452]],
+        ),
+        (
+            ipm_rs.Division(-0.3),
+            [[644.56616242, 301.69500956], [1032.82266987, 641.54627701], [1326.49587094, 774.67812816]],
+        ),
+        (
+            ipm_rs.ThinPrismFisheye([0.01, -0.02, 0.001, -0.002, 0.003, -0.001, 0.004, -0.005]),
+            [[643.99471864, 301.9207334], [995.61884788, 621.65796338], [1150.92015522, 689.01102298]],
+        ),
+        (
+            ipm_rs.ThinPrismFisheye([*radial, 0.001, -0.002, 0.004, -0.005, 0.002, -0.001]),
+            [[644.55377922, 301.87556855], [996.05622403, 624.40966434], [1161.47645047, 700.28809047]],
+        ),
+    ]:
+        uv, _, _ = forward(lens, K).project(in_vehicle(points))
+        assert np.abs(uv - expected).max() < 2e-8, lens
+    behind = forward(ipm_rs.Division(-0.3), K).project(in_vehicle([[0.9, 0.4, -0.5]]))[0]
+    assert np.abs(behind - [[1806.01854616, 992.06174092]]).max() < 2e-8
+    sphere = np.array([[1000 / (2 * np.pi), 0, 500.0], [0, 800 / np.pi, 400.0], [0, 0, 1]])
+    uv, _, _ = forward(ipm_rs.Equirectangular(), sphere).project(in_vehicle([*points, [0.1, 0.2, -3]]))
+    expected = [[546.38678954, 351.80222192], [669.29276639, 494.36383323], [748.23168451, 506.49411762]]
+    assert np.abs(uv - [*expected, [994.6967988, 416.94206183]]).max() < 2e-8
+
+
+def test_an_f_theta_of_either_form_is_the_other():
+    """Of one power both are the same lens; of more, each undoes the other as far as the fit goes."""
+    forth = forward(ipm_rs.FTheta([0, 500], "forward"))
+    back = forward(ipm_rs.FTheta([0, 1 / 500], "backward"))
+    points = in_vehicle(directions(np.linspace(0.01, 3, 200), np.linspace(0, 25, 200)))
+    assert np.abs(forth.project(points)[0] - back.project(points)[0]).max() < 1e-9
+    equidistant = ipm_rs.Camera(
+        [[500, 0, 640.2], [0, 510, 480.7], [0, 0, 1]], image_size=(1280, 960), lens=ipm_rs.KannalaBrandt([0.0] * 4)
+    )
+    assert np.abs(forth.project(points)[0] - equidistant.project(points)[0]).max() < 1e-9
+
+
+@pytest.mark.parametrize(("degree", "top"), [(3, 2e-11), (5, 3e-17), (9, 3e-28), (11, 1e-33)])
+def test_a_backward_polynomial_of_any_degree_is_inverted_to_rounding(degree, top):
+    polynomial = [0.0, 1e-3, 1e-8, *[0.0] * (degree - 3), top]
+    camera = forward(ipm_rs.FTheta(polynomial, "backward"))
+    rho = np.linspace(0, 1500, 4001)[1:]
+    angle = np.polynomial.Polynomial(polynomial)(rho)
+    seen = angle < 3.1
+    uv, _, _ = camera.project(in_vehicle(directions(angle[seen], np.linspace(0, 6, 4000)[seen])))
+    across, down = (uv - [640.2, 480.7]).T / np.array([[1.0], [1.02]])
+    assert seen.sum() > 1000 and np.abs(np.hypot(across, down) - rho[seen]).max() < 1e-9
+
+
+def test_inverse_coefficients_undistort():
+    """What librealsense's header says: the formula takes the pixel to the ray."""
+    k1, k2, p1, p2, k3 = coefficients = [-0.15, 0.06, 1e-3, -2e-3, 0.01]
+    camera = forward(ipm_rs.InverseBrownConrady(coefficients), np.array([[600.0, 0, 640], [0, 610, 480], [0, 0, 1]]))
+    uv = np.random.default_rng(4).uniform([200, 100], [1100, 860], (500, 2))
+    x, y = (uv - [640, 480]).T / np.array([[600.0], [610.0]])
+    r2 = x * x + y * y
+    f = 1 + k1 * r2 + k2 * r2**2 + k3 * r2**3
+    ux, uy = x * f + 2 * p1 * x * y + p2 * (r2 + 2 * x * x), y * f + 2 * p2 * x * y + p1 * (r2 + 2 * y * y)
+    rays = in_vehicle(np.stack([ux, uy, np.ones_like(ux)], axis=-1))
+    assert np.abs(camera.unproject(uv) - rays / np.linalg.norm(rays, axis=1, keepdims=True)).max() < 1e-15 * 4
+    assert np.abs(camera.project(rays)[0] - uv).max() < 1e-10
+
+
 # ---------------------------------------------------------------------------------------------------------------------
 # Objects
 
@@ -416,6 +524,21 @@ def test_attributes_are_what_was_given():
         (lambda: ipm_rs.Ocam([0, 1, 2]), ["a0", "reversed"]),
         (lambda: ipm_rs.Ocam([]), ["1 to 12", "got 0"]),
         (lambda: ipm_rs.Ocam([-300], (0, 0, 1)), ["c - d e", "got 0"]),
+        (lambda: ipm_rs.FTheta([0.0], "forward"), ["2 to 12", "got 1"]),
+        (lambda: ipm_rs.FTheta([300, 2, 1], "forward"), ["a0", "expected 0"]),
+        (lambda: ipm_rs.FTheta([0, 3e-3], "forward"), ["a1", 'form="backward"']),
+        (lambda: ipm_rs.FTheta([0, 300], "backward"), ["a1", 'form="forward"']),
+        (lambda: ipm_rs.FTheta([0, 300], "forward", (0, 1, 1)), ["c - d e", "got -1"]),
+        (lambda: ipm_rs.FTheta([0, 3e-3, -1], "backward"), ["FTheta", "folds back"]),
+        (lambda: ipm_rs.Fov(0), ["omega", "leave the lens out"]),
+        (lambda: ipm_rs.Fov(57.3), ["omega", "below pi"]),
+        (lambda: ipm_rs.Division(np.nan), ["k", "finite"]),
+        (lambda: ipm_rs.Division(1e9), ["Division", "folds back"]),
+        (lambda: ipm_rs.InverseBrownConrady([0] * 8), ["4 or 5", "got 8"]),
+        (lambda: ipm_rs.InverseBrownConrady([-1e7, 0, 0, 0]), ["InverseBrownConrady", "folds back"]),
+        (lambda: ipm_rs.ThinPrismFisheye([0] * 10), ["8 (k1", "12 (k1", "got 10"]),
+        (lambda: ipm_rs.Cylindrical(max_angle=0), ["max_angle", "above 0"]),
+        (lambda: ipm_rs.Equirectangular(max_angle=180), ["max_angle", "radians"]),
         (lambda: ipm_rs.BrownConrady([0, 0, 1e4, 0]), ["k1, k2, p1, p2", "folds back", "order"]),
         (lambda: ipm_rs.KannalaBrandt([-1e9, 0, 0, 0]), ["4 (k1, k2, k3, k4)", "folds back"]),
     ],
@@ -436,6 +559,8 @@ def test_wrong_parameters(make, words):
         lambda: ipm_rs.Mei("1", [0] * 4),
         lambda: ipm_rs.KannalaBrandt([0] * 4, max_angle="wide"),
         lambda: ipm_rs.Ocam([-300], affine="cde"),
+        lambda: ipm_rs.FTheta([0, 300], None),
+        lambda: ipm_rs.Fov("wide"),
         lambda: ipm_rs.Camera(np.eye(3), image_size=(4, 4), lens=[0.1, 0, 0, 0]),
         lambda: ipm_rs.Camera.from_euler(np.eye(3), image_size=(4, 4), lens="fisheye"),
     ],
@@ -443,6 +568,11 @@ def test_wrong_parameters(make, words):
 def test_wrong_types(make):
     with pytest.raises(ipm_rs.ArgumentTypeError):
         make()
+
+
+def test_another_form_of_an_f_theta_is_refused():
+    with pytest.raises(ipm_rs.ArgumentError, match=r'form: expected "forward".*got "bw_poly"'):
+        ipm_rs.FTheta([0, 300], "bw_poly")
 
 
 def test_a_matrix_of_coefficients_is_refused():

@@ -29,7 +29,8 @@ MEMBERS = {
     "Camera": (
         "from_euler from_ground_points from_points from_projection from_fov load load_all save to_json intrinsics "
         "lens image_size camera_from_vehicle vehicle_from_camera position project unproject "
-        "ground_from_pixels resized cropped with_pose binned rotated180 mirrored masked mask "
+        "ground_from_pixels resized cropped with_pose binned rotated180 mirrored masked mask undistorted "
+        "project_polygon ground_polygon "
         "from_vanishing_point pixels_from_cells cells_from_pixels project_polyline horizon horizon_line "
         "ground_range row_ranges range_error"
     ),
@@ -40,10 +41,17 @@ MEMBERS = {
     "Eucm": "alpha beta max_angle",
     "RadialPolynomial": "coefficients max_angle",
     "Ocam": "polynomial affine max_angle",
+    "FTheta": "polynomial form linear max_angle",
+    "Fov": "omega max_angle",
+    "Division": "k max_angle",
+    "InverseBrownConrady": "coefficients max_angle",
+    "ThinPrismFisheye": "coefficients max_angle",
+    "Cylindrical": "max_angle",
+    "Equirectangular": "max_angle",
     "BevGrid": "shape x y resolution sample_at xy cell_from_ground ground_from_cell",
-    "Plane": "from_coefficients from_angles coefficients normal height_at",
+    "Plane": "from_camera from_coefficients from_angles transformed coefficients normal height_at",
     "HeightMap": "on_grid heights shape origin spacing height_at",
-    "Lut": "save load export from_maps from_homography from_ground_points warp mask maps sampling_density "
+    "Lut": "save load export between from_maps from_homography from_ground_points warp mask maps sampling_density "
     "resolved_mask shape "
     "source_size nbytes camera grid ground",
     "PixelRays": "camera nbytes",
@@ -51,6 +59,7 @@ MEMBERS = {
     "Rig": "cameras subset moved to_json save load",
     "RigLut": "rig grid ground shape nbytes mask source weights warp without gains agreement save load",
     "Trajectory": "load timestamps poses max_gap start end covers at",
+    "Homography": "from_points from_matrix pixels_from_ground ground_from_pixels",
     "Bowl": "flat radius center height steepest height_at height_map",
 }
 BASES = {

@@ -31,6 +31,13 @@ LENSES = {
     "DoubleSphere": ipm_rs.DoubleSphere(-0.2 / 3, 0.57, max_angle=math.pi / 3),
     "Eucm": ipm_rs.Eucm(0.6, 1.1 / 3),
     "RadialPolynomial": ipm_rs.RadialPolynomial([339.7, -31.9 / 3, 48.2, -7.2]),
+    "FTheta": ipm_rs.FTheta([0.0, 2.7e-3, 2.4e-8 / 3], "backward", (1.001, 1e-4, 0.0), max_angle=1.1),
+    "Fov": ipm_rs.Fov(0.9 / 3),
+    "Division": ipm_rs.Division(-0.1 / 3),
+    "InverseBrownConrady": ipm_rs.InverseBrownConrady([0.1 / 3, -0.05, 1e-4, 2e-4, 0.01]),
+    "ThinPrismFisheye": ipm_rs.ThinPrismFisheye([0.01 / 3, -0.02, 1e-3, -2e-3, 3e-3, -1e-3, 4e-3, -5e-3]),
+    "Cylindrical": ipm_rs.Cylindrical(max_angle=2.1),
+    "Equirectangular": ipm_rs.Equirectangular(),
     "Ocam": ipm_rs.Ocam([-240.1, 0.0, 1.7e-3 / 3, -4e-7], (1.0001, -1e-4, 2e-4)),
 }
 
@@ -49,7 +56,7 @@ def identical(a, b) -> bool:
 
 @pytest.mark.parametrize("lens", LENSES.values(), ids=LENSES)
 def test_every_lens_comes_back(lens, tmp_path):
-    matrix = PIXELS if type(lens).__name__ in ("RadialPolynomial", "Ocam") else K
+    matrix = PIXELS if type(lens).__name__ in ("RadialPolynomial", "FTheta", "Ocam") else K
     pose = np.eye(4)
     pose[:3, :3] = ipm_rs.rotation_from_euler(0.1, 0.2, 0.3)
     pose[:3, 3] = (1 / 3, -0.0, 5e-324)

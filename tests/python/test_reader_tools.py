@@ -161,6 +161,8 @@ def test_matlab_refuses(changes, phrases):
 # ---------------------------------------------------------------------------------------------------------------------
 # COLMAP
 
+PRISM = [0.01, -0.02, 1e-3, -2e-3, 3e-3, -1e-3, 4e-3, -5e-3]
+
 
 @pytest.fixture
 def model(tmp_path):
@@ -205,6 +207,40 @@ def test_colmap_models(model, focal, lens, coefficients, tmp_path):
     np.testing.assert_array_equal(camera.intrinsics, [[fx, 0, 319.5], [0, fy, 239.5], [0, 0, 1]])
 
 
+@pytest.mark.parametrize(
+    ("model", "focal", "terms", "lens"),
+    [
+        ("FOV", "500 501", "0.9", ipm_rs.Fov(0.9)),
+        ("FOV", "500 501", "0", None),
+        ("SIMPLE_DIVISION", "500", "-0.2", ipm_rs.Division(-0.2)),
+        ("DIVISION", "500 501", "0.1", ipm_rs.Division(0.1)),
+        ("DIVISION", "500 501", "0", None),
+        ("EUCM", "500 501", "0.6 1.1", ipm_rs.Eucm(0.6, 1.1)),
+        ("SIMPLE_FISHEYE", "500", "", ipm_rs.KannalaBrandt([0] * 4)),
+        ("FISHEYE", "500 501", "", ipm_rs.KannalaBrandt([0] * 4)),
+        ("THIN_PRISM_FISHEYE", "500 501", ".01 -.02 1e-3 -2e-3 3e-3 -1e-3 4e-3 -5e-3", ipm_rs.ThinPrismFisheye(PRISM)),
+        (
+            "RAD_TAN_THIN_PRISM_FISHEYE",
+            "500 501",
+            ".01 -.02 1e-3 -2e-3 3e-3 -1e-3 4e-3 -5e-3 1e-3 2e-3 3e-3 4e-3",
+            ipm_rs.ThinPrismFisheye([*PRISM, 1e-3, 2e-3, 3e-3, 4e-3]),
+        ),
+    ],
+)
+def test_colmap_models_of_other_lenses(model, focal, terms, lens, tmp_path):
+    camera = ipm_rs.Camera.from_colmap(one(tmp_path, f"1 {model} 640 480 {focal} 320 240 {terms}"))
+    assert camera.lens == lens and camera.intrinsics[1, 2] == 239.5
+    assert camera.intrinsics[1, 1] == float(focal.split()[-1])
+
+
+def test_colmap_sphere(tmp_path):
+    """Its first column begins and its last one ends straight behind; pixels as COLMAP 4.2.1 has them, less a half."""
+    camera = ipm_rs.Camera.from_colmap(one(tmp_path, "1 EQUIRECTANGULAR 1000 800 1000 800"))
+    points = np.array([[0.3, -0.2, 1], [0.9, 0.4, -2], [0.1, 0.2, -3]])[:, [2, 0, 1]] * [1, -1, -1]
+    expected = [[546.38678954, 351.80222192], [932.70070745, 445.93885164], [994.6967988, 416.94206183]]
+    np.testing.assert_allclose(camera.project(points)[0], np.array(expected) - 0.5, rtol=0, atol=1e-8)
+
+
 def test_colmap_pose(model):
     """x = K (R(qw, qx, qy, qz) X + t), in COLMAP's pixels half a pixel more."""
     camera = colmap.read(model / "cameras.txt", images=model / "images.txt", image="left/frame 1.jpg")
@@ -234,8 +270,9 @@ def test_colmap_pose(model):
 @pytest.mark.parametrize(
     ("line", "phrases"),
     [
-        ("1 FOV 640 480 500 501 320 240 0.9", ["line 3", "'FOV'", "OPENCV_FISHEYE"]),
-        ("1 THIN_PRISM_FISHEYE 640 480 500 501 320 240 0 0 0 0 0 0 0 0", ["'THIN_PRISM_FISHEYE'"]),
+        ("1 FOV 640 480 500 501 320 240 3.9", ["line 3", "omega", "below pi"]),
+        ("1 THIN_PRISM_FISHEYE 640 480 500 501 320 240 0 0 0 0 0 0 0", ["parameters of THIN_PRISM_FISHEYE", "got 11"]),
+        ("1 EQUIRECTANGULAR 640 480 640", ["parameters of EQUIRECTANGULAR", "got 1"]),
         ("1 WIDE 640 480 500 320 240", ["'WIDE'", "check the line"]),
         ("1 PINHOLE 640 480 500 320 240", ["parameters of PINHOLE", "4 numbers", "got 3"]),
         ("1 PINHOLE 640 480 500 501 320 240 1", ["parameters of PINHOLE", "got 5"]),

@@ -30,8 +30,8 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, Protocol, cast
 
-from ipm_rs._core import Camera
-from ipm_rs.calibration._attached import Attached
+from ipm_rs._core import Camera, Lut, Plane
+from ipm_rs.calibration._attached import Attached, AttachedMethod
 from ipm_rs.errors import ArgumentError
 
 if TYPE_CHECKING:
@@ -124,7 +124,21 @@ _METHODS = {
     "from_points": Attached("from_points", "ipm_rs.refine._points", "camera_from_points"),
     "from_projection": Attached("from_projection", "ipm_rs.refine._known", "from_projection"),
     "from_fov": Attached("from_fov", "ipm_rs.refine._known", "from_fov"),
+    # and of other pictures from the same place
+    "undistorted": AttachedMethod("undistorted", "ipm_rs.views._undistorted", "undistorted"),
+    # areas
+    "project_polygon": AttachedMethod("project_polygon", "ipm_rs.ground._polygons", "project_polygon"),
+    "ground_polygon": AttachedMethod("ground_polygon", "ipm_rs.ground._polygons", "ground_polygon"),
     **{f"from_{name}": Attached(f"from_{name}", f"ipm_rs.calibration.{name}", "read") for name in FORMATS},
 }
+_OTHERS: list[tuple[type, str, str]] = [
+    (Lut, "between", "ipm_rs.views._between"),
+    (Plane, "from_camera", "ipm_rs.ground._planes"),
+]
+"""Static methods of other classes."""
 for _name, _method in _METHODS.items():
     setattr(Camera, _name, _method)
+for _owner, _name, _module in _OTHERS:
+    setattr(_owner, _name, Attached(_name, _module, _name, _owner.__name__))
+for _name in ("transformed",):
+    setattr(Plane, _name, AttachedMethod(_name, "ipm_rs.ground._planes", _name, "Plane"))

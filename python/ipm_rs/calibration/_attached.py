@@ -1,13 +1,14 @@
-"""`Camera.from_<format>` and `Camera.load`: readers know files, the compiled class knows cameras."""
+"""Methods in Python of compiled classes, `Camera.from_<format>` and others, imported when somebody uses them."""
 
 from __future__ import annotations
 
 import functools
 from collections.abc import Callable
 from importlib import import_module
+from types import MethodType
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-__all__ = ["Attached"]
+__all__ = ["Attached", "AttachedMethod"]
 
 
 if TYPE_CHECKING:
@@ -29,13 +30,16 @@ class Attached(_Static):
         Of the method, as `help` shows it.
     module, function : str
         Where the function is that does it; its docstring and signature are the method's.
+    owner : str
+        The class.
     """
 
-    def __init__(self, name: str, module: str, function: str) -> None:
+    def __init__(self, name: str, module: str, function: str, owner: str = "Camera") -> None:
         super().__init__(_unread)
         self._name = name
         self._module = module
         self._function = function
+        self._owner = owner
 
     def __get__(self, camera: Any, owner: type | None = None) -> Callable[..., Any]:
         return self._method
@@ -49,5 +53,12 @@ class Attached(_Static):
             return function(*arguments, **keywords)
 
         method.__name__ = self._name
-        method.__qualname__ = f"Camera.{self._name}"
+        method.__qualname__ = f"{self._owner}.{self._name}"
         return method
+
+
+class AttachedMethod(Attached):
+    """The same with the object as its first argument."""
+
+    def __get__(self, camera: Any, owner: type | None = None) -> Callable[..., Any]:
+        return self._method if camera is None else MethodType(self._method, camera)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from ipm_rs._core import Camera, Ocam, RadialPolynomial
+from ipm_rs._core import Camera, FTheta, Ocam, RadialPolynomial
 from ipm_rs.calibration._checks import Matrix, blame
 from ipm_rs.errors import CalibrationError
 
@@ -30,7 +30,7 @@ def build(
         camera = make(K, image_size=image_size, lens=lens, **pose)
     focal = min(K[0, 0], K[1, 1])
     # A polynomial in pixels holds the focal length itself, and K then has ones.
-    if focal <= 1 and max(camera.image_size) > _SMALL and not isinstance(lens, (RadialPolynomial, Ocam)):
+    if focal <= 1 and max(camera.image_size) > _SMALL and not isinstance(lens, (RadialPolynomial, FTheta, Ocam)):
         width, height = camera.image_size
         raise CalibrationError(
             f"{where}: expected focal lengths in pixels, got fx = {K[0, 0]:g} and fy = {K[1, 1]:g} for an image of "

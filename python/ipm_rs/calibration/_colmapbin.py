@@ -18,6 +18,8 @@ _MODELS = {
     0: ("SIMPLE_PINHOLE", 3), 1: ("PINHOLE", 4), 2: ("SIMPLE_RADIAL", 4), 3: ("RADIAL", 5), 4: ("OPENCV", 8),
     5: ("OPENCV_FISHEYE", 8), 6: ("FULL_OPENCV", 12), 7: ("FOV", 5), 8: ("SIMPLE_RADIAL_FISHEYE", 4),
     9: ("RADIAL_FISHEYE", 5), 10: ("THIN_PRISM_FISHEYE", 12), 11: ("RAD_TAN_THIN_PRISM_FISHEYE", 16),
+    12: ("SIMPLE_DIVISION", 4), 13: ("DIVISION", 5), 14: ("SIMPLE_FISHEYE", 3), 15: ("FISHEYE", 4), 16: ("EUCM", 6),
+    17: ("EQUIRECTANGULAR", 2),
 }  # fmt: skip
 _COUNT = struct.Struct("<Q")
 _CAMERA = struct.Struct("<iiQQ")
@@ -34,7 +36,7 @@ def is_cameras(data: bytes) -> bool:
     _, model, width, height = _CAMERA.unpack_from(data, _COUNT.size)
     if not (0 < count <= _MOST and model in _MODELS and 0 < width < 2**31 and 0 < height < 2**31):
         return False
-    return len(data) >= _COUNT.size + count * (_CAMERA.size + 3 * 8)
+    return len(data) >= _COUNT.size + count * (_CAMERA.size + 2 * 8)
 
 
 def camera_words(data: bytes, origin: str) -> list[tuple[str, list[str]]]:

@@ -11,20 +11,21 @@ The format, after COLMAP's documentation and ``sensor/models.h``:
   x forward, y left, z up) and ``metres_per_unit=`` say what is known about it; pass the height of the road in that
   frame as ``ground=``.
 
-Models with a counterpart here are ``SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV, FULL_OPENCV,
-OPENCV_FISHEYE, SIMPLE_RADIAL_FISHEYE, RADIAL_FISHEYE``; ``FOV`` and the thin prism models have none and are refused.
+All models of COLMAP 4.2 have a counterpart here. Its fisheyes end at 90 degrees from the axis, ours where their images
+fold.
 """
 
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ipm_rs._arguments import check_word
-from ipm_rs._core import BrownConrady, Camera, KannalaBrandt
+from ipm_rs._core import BrownConrady, Camera, Division, Equirectangular, Eucm, Fov, KannalaBrandt, ThinPrismFisheye
 from ipm_rs.calibration._camera import build
 from ipm_rs.calibration._checks import (
     blame,
@@ -51,19 +52,28 @@ __all__ = ["KEYS", "cameras", "missing", "read"]
 TITLE = "COLMAP"
 KEYS = ("CAMERA_ID", "MODEL", "WIDTH", "HEIGHT", "PARAMS[]")
 
-# Parameters of each model: f for one focal length or fx fy for two, then cx cy, then the lens in our order; "-" is 0.
-_MODELS: dict[str, tuple[int, str, str]] = {
-    "SIMPLE_PINHOLE": (1, "", ""),
-    "PINHOLE": (2, "", ""),
-    "SIMPLE_RADIAL": (1, "k1", "k1 - - -"),
-    "RADIAL": (1, "k1 k2", "k1 k2 - -"),
-    "OPENCV": (2, "k1 k2 p1 p2", "k1 k2 p1 p2"),
-    "FULL_OPENCV": (2, "k1 k2 p1 p2 k3 k4 k5 k6", "k1 k2 p1 p2 k3 k4 k5 k6"),
-    "OPENCV_FISHEYE": (2, "k1 k2 k3 k4", "k1 k2 k3 k4"),
-    "SIMPLE_RADIAL_FISHEYE": (1, "k1", "k1 - - -"),
-    "RADIAL_FISHEYE": (1, "k1 k2", "k1 k2 - -"),
+# Of each model: how many focal lengths, which come before cx and cy; its lens's parameters, behind them; and the lens.
+_MODELS: dict[str, tuple[int, str, Callable[..., Any]]] = {
+    "SIMPLE_PINHOLE": (1, "", lambda: None),
+    "PINHOLE": (2, "", lambda: None),
+    "SIMPLE_RADIAL": (1, "k1", lambda k1: BrownConrady([k1, 0, 0, 0])),
+    "RADIAL": (1, "k1 k2", lambda k1, k2: BrownConrady([k1, k2, 0, 0])),
+    "OPENCV": (2, "k1 k2 p1 p2", lambda *k: BrownConrady(k)),
+    "FULL_OPENCV": (2, "k1 k2 p1 p2 k3 k4 k5 k6", lambda *k: BrownConrady(k)),
+    "OPENCV_FISHEYE": (2, "k1 k2 k3 k4", lambda *k: KannalaBrandt(k)),
+    "SIMPLE_RADIAL_FISHEYE": (1, "k1", lambda k1: KannalaBrandt([k1, 0, 0, 0])),
+    "RADIAL_FISHEYE": (1, "k1 k2", lambda k1, k2: KannalaBrandt([k1, k2, 0, 0])),
+    "SIMPLE_FISHEYE": (1, "", lambda: KannalaBrandt([0, 0, 0, 0])),
+    "FISHEYE": (2, "", lambda: KannalaBrandt([0, 0, 0, 0])),
+    "THIN_PRISM_FISHEYE": (2, "k1 k2 p1 p2 k3 k4 sx1 sy1", lambda *k: ThinPrismFisheye(k)),
+    "RAD_TAN_THIN_PRISM_FISHEYE": (2, "k0 k1 k2 k3 k4 k5 p0 p1 s0 s1 s2 s3", lambda *k: ThinPrismFisheye(k)),
+    "FOV": (2, "omega", Fov),
+    "SIMPLE_DIVISION": (1, "k", Division),
+    "DIVISION": (2, "k", Division),
+    "EUCM": (2, "alpha beta", Eucm),
 }
-_WITHOUT = ("FOV", "THIN_PRISM_FISHEYE", "RAD_TAN_THIN_PRISM_FISHEYE")
+_SPHERE = "EQUIRECTANGULAR"
+_FLAT = ("SIMPLE_RADIAL", "RADIAL", "OPENCV", "FULL_OPENCV", "FOV", "SIMPLE_DIVISION", "DIVISION")  # 0 bends nothing
 
 _HEAD = 10_000  # characters, within which the first camera comes: a recogniser is asked of files of any size
 _MOST_LINES = 200_000
@@ -78,7 +88,7 @@ def missing(document: Document) -> str | None:
     if is_cameras(document.data):
         return None
     rows = _rows(document.text[:_HEAD])
-    known = (*_MODELS, *_WITHOUT)
+    known = (*_MODELS, _SPHERE)
     return None if rows and len(rows[0][1]) > 4 and rows[0][1][1] in known else "no line CAMERA_ID MODEL WIDTH HEIGHT"
 
 
@@ -131,7 +141,7 @@ def read(
     MissingFileError, FileError
         A file does not exist, or cannot be read.
     CalibrationError
-        A line cannot be right, or the model has no lens here.
+        A line cannot be right, or the model is none of COLMAP's.
     ArgumentError, ArgumentTypeError
         There is no such camera or image; an argument has the wrong type.
     """
@@ -152,36 +162,38 @@ def read(
     place, words = _choose_camera(document, camera)
     where = f"{document.origin}: {place}"
     model = words[1]
-    if model == "FOV" and words[8:] and not any(scalar(word) for word in words[8:]):
-        model = "PINHOLE"  # fx fy cx cy omega: with an angle of 0 it bends nothing
-        words = words[:8]
-    if model not in _MODELS:
-        mend = (
-            "it has no lens model here; undistort with COLMAP, or calibrate with OPENCV or OPENCV_FISHEYE"
-            if model in _WITHOUT
-            else "check the line, CAMERA_ID MODEL WIDTH HEIGHT PARAMS"
+    if model not in (*_MODELS, _SPHERE):
+        raise CalibrationError(
+            f"{where}: expected one of {', '.join((*_MODELS, _SPHERE))}, got {model!r:.40}; check the line, "
+            "CAMERA_ID MODEL WIDTH HEIGHT PARAMS"
         )
-        raise CalibrationError(f"{where}: expected one of {', '.join(_MODELS)}, got {model!r:.40}; {mend}")
     size = checked_size(_value(words[2:3]), _value(words[3:4]), where)
     same_size(image_size, size, document.origin)
-    focal, names, ours = _MODELS[model]
-    values = numbers(
-        [scalar(word) for word in words[4:]], f"{where}: parameters of {model}", focal + 2 + len(names.split())
-    )
+    given = [scalar(word) for word in words[4:]]
+    K, lens = _sphere(given, where) if model == _SPHERE else _intrinsics(model, given, where)
+    return build(where, K, image_size=size, camera_from_vehicle=pose, lens=lens)
+
+
+def _intrinsics(model: str, given: list[Any], where: str) -> tuple[Matrix, Any]:
+    """K and lens of a model with focal lengths."""
+    focal, names, make = _MODELS[model]
+    values = numbers(given, f"{where}: parameters of {model}", focal + 2 + len(names.split()))
     for length in values[:focal]:
         number(length, f"{where}: focal length", unit="pixels", positive=True)
     cx, cy = values[focal : focal + 2] - 0.5  # COLMAP counts from the corner
-    terms = dict(zip(names.split(), values[focal + 2 :], strict=True))
-    coefficients = [terms.get(term, 0.0) for term in ours.split()]
+    terms = values[focal + 2 :].tolist()
     with blame(where):
-        lens: Any = None
-        if model.endswith("FISHEYE"):
-            lens = KannalaBrandt(coefficients)
-        elif any(coefficients):
-            lens = BrownConrady(coefficients)
-    return build(
-        where, pinhole(values[0], values[focal - 1], cx, cy), image_size=size, camera_from_vehicle=pose, lens=lens
-    )
+        lens = None if model in _FLAT and not any(terms) else make(*terms)
+    return pinhole(values[0], values[focal - 1], cx, cy), lens
+
+
+def _sphere(given: list[Any], where: str) -> tuple[Matrix, Equirectangular]:
+    """K and lens of a whole sphere, whose parameters are its width and height."""
+    width, height = numbers(given, f"{where}: parameters of {_SPHERE}", 2)
+    for length in (width, height):
+        number(length, f"{where}: parameters of {_SPHERE}", unit="pixels", positive=True)
+    K = pinhole(width / (2 * np.pi), height / np.pi, width / 2 - 0.5, height / 2 - 0.5)
+    return K, Equirectangular()
 
 
 def _rows(text: str) -> list[tuple[int, list[str]]]:

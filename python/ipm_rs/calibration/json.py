@@ -43,8 +43,8 @@ KEYS = ("format", "version", "image_size", "intrinsics", "lens", "camera_from_ve
 _FORMAT, _VERSION = "ipm_rs.Camera", 1
 
 # Arguments of each lens model, in the order of its constructor, and how many numbers each has: 0 for one plain number,
-# None for a list of any length, which the constructor checks.
-_LENSES: dict[str, dict[str, int | None]] = {
+# None for a list of any length, which the constructor checks; or the words that it may be.
+_LENSES: dict[str, dict[str, int | tuple[str, ...] | None]] = {
     "BrownConrady": {"coefficients": None},
     "KannalaBrandt": {"coefficients": 4},
     "Mei": {"xi": 0, "coefficients": 4},
@@ -52,6 +52,13 @@ _LENSES: dict[str, dict[str, int | None]] = {
     "Eucm": {"alpha": 0, "beta": 0},
     "RadialPolynomial": {"coefficients": 4},
     "Ocam": {"polynomial": None, "affine": 3},
+    "FTheta": {"polynomial": None, "form": ("forward", "backward"), "linear": 3},
+    "Fov": {"omega": 0},
+    "Division": {"k": 0},
+    "InverseBrownConrady": {"coefficients": None},
+    "ThinPrismFisheye": {"coefficients": None},
+    "Cylindrical": {},
+    "Equirectangular": {},
 }
 
 
@@ -185,6 +192,9 @@ def _lens(place: Section) -> Any:
     lens.only("model", *arguments, "max_angle")
     values: list[Any] = []
     for name, count in arguments.items():
+        if isinstance(count, tuple):
+            values.append(lens.text(name, among=count))
+            continue
         value, where = lens.value(name), lens.where(name)
         values.append(number(value, where) if count == 0 else numbers(value, where, count).tolist())
     options = {"max_angle": lens.number("max_angle", unit="radians")} if "max_angle" in lens else {}

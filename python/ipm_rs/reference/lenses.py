@@ -16,14 +16,21 @@ from numpy.typing import ArrayLike, NDArray
 
 __all__ = [
     "brown_conrady",
+    "cylindrical",
+    "division",
     "double_sphere",
+    "equirectangular",
     "eucm",
     "fold_angle",
+    "fov",
+    "ftheta",
     "image_of",
+    "inverse_brown_conrady",
     "kannala_brandt",
     "mei",
     "ocam",
     "radial_polynomial",
+    "thin_prism_fisheye",
 ]
 
 _Plane = NDArray[np.float64]
@@ -83,6 +90,16 @@ def _by_angle(directions: ArrayLike, radius: Callable[[_Plane], _Plane]) -> _Pla
     azimuth = np.arctan2(y, x)
     rho = radius(theta)
     return np.stack([rho * np.cos(azimuth), rho * np.sin(azimuth)], axis=-1)
+
+
+def _halved(growing: Callable[[_Plane], _Plane], values: _Plane, last: float) -> _Plane:
+    """Find where a function that grows from 0 to `last` has `values`, by halving."""
+    low, high = np.zeros_like(values), np.full_like(values, last)
+    for _ in range(80):
+        middle = (low + high) / 2
+        short = growing(middle) < values
+        low, high = np.where(short, middle, low), np.where(short, high, middle)
+    return (low + high) / 2
 
 
 def kannala_brandt(directions: ArrayLike, coefficients: ArrayLike) -> _Plane:
@@ -237,16 +254,221 @@ def ocam(directions: ArrayLike, polynomial: ArrayLike, affine: tuple[float, floa
     last = radii[folds[0]] if len(folds) else radii[-1]
 
     def radius(theta: _Plane) -> _Plane:
-        low, high = np.zeros_like(theta), np.full_like(theta, last)
-        for _ in range(80):
-            middle = (low + high) / 2
-            short = np.arctan2(middle, forward(middle)) < theta
-            low, high = np.where(short, middle, low), np.where(short, high, middle)
-        return np.where(theta <= np.arctan2(last, forward(last)), (low + high) / 2, np.nan)
+        rho = _halved(lambda rho: np.arctan2(rho, forward(rho)), theta, last)
+        return np.where(theta <= np.arctan2(last, forward(last)), rho, np.nan)
 
     across, down = np.moveaxis(_by_angle(directions, radius), -1, 0)
     c, d, e = affine
     return np.stack([across + e * down, d * across + c * down], axis=-1)
+
+
+def ftheta(
+    directions: ArrayLike, polynomial: ArrayLike, form: str, linear: tuple[float, float, float] = (1.0, 0.0, 0.0)
+) -> _Plane:
+    """NVIDIA's f-theta, its backward form inverted by halving; NaN where no pixel looks along a direction.
+
+    Parameters
+    ----------
+    directions : array_like, shape (..., 3)
+        Directions in the camera frame, also behind it.
+    polynomial : array_like
+        a0 = 0, a1, a2, ...
+    form : str
+        "forward", from radians to pixels, or "backward", from pixels to radians.
+    linear : (float, float, float)
+        c, d, e.
+
+    Returns
+    -------
+    ndarray, shape (..., 2), float64
+        Pixels from the principal point; K is ``[[1, 0, cx], [0, 1, cy], [0, 0, 1]]``.
+
+    Notes
+    -----
+    DriveWorks' rig format; the linear map is ``[[c, d], [e, 1]]``.
+    """
+    curve = np.polynomial.Polynomial(np.asarray(polynomial, dtype=np.float64))
+    if form == "forward":
+        radius: Callable[[_Plane], _Plane] = curve
+    else:
+        radii = np.linspace(0, 1e5, 2_000_001)
+        folds = np.flatnonzero(np.diff(curve(radii)) <= 0)
+        last = radii[folds[0]] if len(folds) else radii[-1]
+
+        def radius(theta: _Plane) -> _Plane:
+            return np.where(theta <= curve(last), _halved(curve, theta, last), np.nan)
+
+    c, d, e = linear
+    offset: _Plane = _by_angle(directions, radius) @ np.array([[c, d], [e, 1.0]]).T
+    return offset
+
+
+def fov(directions: ArrayLike, omega: float) -> _Plane:
+    """Field of view: ``atan(2 r tan(omega / 2)) / omega``; NaN for z <= 0.
+
+    Parameters
+    ----------
+    directions : array_like, shape (..., 3)
+        Directions in the camera frame.
+    omega : float
+        Radians.
+
+    Returns
+    -------
+    ndarray, shape (..., 2), float64
+
+    Notes
+    -----
+    Devernay and Faugeras 2001, equation (13).
+    """
+    x, y, z = _xyz(directions)
+    with np.errstate(all="ignore"):
+        z = np.where(z > 0, z, np.nan)
+        r = np.hypot(x / z, y / z)
+        scale = np.where(r > 0, np.arctan(2 * r * np.tan(omega / 2)) / omega / r, 1.0)
+        return np.stack([x / z * scale, y / z * scale], axis=-1)
+
+
+def division(directions: ArrayLike, k: float) -> _Plane:
+    """Division: what is seen at m looks along ``(m, 1 + k |m|^2)``.
+
+    Parameters
+    ----------
+    directions : array_like, shape (..., 3)
+        Directions in the camera frame, also behind it.
+    k : float
+        The parameter.
+
+    Returns
+    -------
+    ndarray, shape (..., 2), float64
+
+    Notes
+    -----
+    Fitzgibbon 2001.
+    """
+    x, y, z = _xyz(directions)
+    with np.errstate(all="ignore"):
+        r = np.hypot(x, y)
+        root = np.sqrt(z**2 - 4 * k * r**2)
+        # k r rho^2 - z rho + r = 0; of its two roots the one that is 0 on the axis
+        rho = np.where(z > 0, 2 * r / (z + root), (z - root) / (2 * k * r))
+        scale = np.where(r > 0, rho / r, np.where(z > 0, 1 / z, np.nan))
+        return np.stack([x * scale, y * scale], axis=-1)
+
+
+def inverse_brown_conrady(directions: ArrayLike, coefficients: ArrayLike) -> _Plane:
+    """Brown-Conrady from the image to the ray, inverted by Newton's steps; NaN for z <= 0.
+
+    Parameters
+    ----------
+    directions : array_like, shape (..., 3)
+        Directions in the camera frame.
+    coefficients : array_like
+        k1, k2, p1, p2[, k3].
+
+    Returns
+    -------
+    ndarray, shape (..., 2), float64
+
+    Notes
+    -----
+    librealsense, ``rs_types.h``: such coefficients undistort. The steps find the image of every ray of a lens that
+    bends moderately; where they do not come to rest there is NaN.
+    """
+    x, y, z = _xyz(directions)
+    with np.errstate(all="ignore"):
+        z = np.where(z > 0, z, np.nan)
+        target = np.stack([x / z, y / z], axis=-1)
+        # from where the radial terms alone have it
+        k1, k2, _, _, k3 = np.pad(np.asarray(coefficients, dtype=np.float64), (0, 1))[:5]
+        radii = np.concatenate([[0.0], np.geomspace(1e-6, 1e6, 20_001)])
+        folds = np.flatnonzero(np.diff(radii * (1 + k1 * radii**2 + k2 * radii**4 + k3 * radii**6)) <= 0)
+        last = radii[folds[0]] if len(folds) else radii[-1]
+        length = np.hypot(target[..., 0], target[..., 1])
+        r = _halved(lambda r: r * (1 + k1 * r**2 + k2 * r**4 + k3 * r**6), length, last)
+        m, tiny = target * np.where(length > 0, r / length, 1.0)[..., np.newaxis], 1e-7
+        for _ in range(16):
+            left = _bend(m[..., 0], m[..., 1], coefficients) - target
+            along_x = (_bend(m[..., 0] + tiny, m[..., 1], coefficients) - left - target) / tiny
+            along_y = (_bend(m[..., 0], m[..., 1] + tiny, coefficients) - left - target) / tiny
+            det = along_x[..., 0] * along_y[..., 1] - along_x[..., 1] * along_y[..., 0]
+            m[..., 0] -= (along_y[..., 1] * left[..., 0] - along_y[..., 0] * left[..., 1]) / det
+            m[..., 1] -= (along_x[..., 0] * left[..., 1] - along_x[..., 1] * left[..., 0]) / det
+        off = np.abs(_bend(m[..., 0], m[..., 1], coefficients) - target).max(axis=-1)
+        return np.where((off < 1e-9)[..., np.newaxis], m, np.nan)
+
+
+def thin_prism_fisheye(directions: ArrayLike, coefficients: ArrayLike) -> _Plane:
+    """Fisheye with tangential and thin prism terms, of 8 or 12 coefficients.
+
+    Parameters
+    ----------
+    directions : array_like, shape (..., 3)
+        Directions in the camera frame, also behind it.
+    coefficients : array_like, shape (8,) or (12,)
+        k1, k2, p1, p2, k3, k4, sx1, sy1 (COLMAP's THIN_PRISM_FISHEYE), or k0 to k5, p0, p1, s0 to s3 (its
+        RAD_TAN_THIN_PRISM_FISHEYE, Project Aria's FISHEYE624).
+
+    Returns
+    -------
+    ndarray, shape (..., 2), float64
+
+    Notes
+    -----
+    COLMAP, ``sensor/models.h``, with atan2 for its atan.
+    """
+    given = np.asarray(coefficients, dtype=np.float64)
+    u, v = np.moveaxis(_by_angle(directions, lambda t: t), -1, 0)
+    t2 = u**2 + v**2
+    if len(given) == 8:
+        k1, k2, p1, p2, k3, k4, sx1, sy1 = given
+        radial = k1 * t2 + k2 * t2**2 + k3 * t2**3 + k4 * t2**4
+        du = u * radial + 2 * p1 * u * v + p2 * (t2 + 2 * u**2) + sx1 * t2
+        dv = v * radial + 2 * p2 * u * v + p1 * (t2 + 2 * v**2) + sy1 * t2
+        return np.stack([u + du, v + dv], axis=-1)
+    p0, p1, s0, s1, s2, s3 = given[6:]
+    radial = 1 + sum(k * t2 ** (power + 1) for power, k in enumerate(given[:6]))
+    u, v = u * radial, v * radial
+    r2 = u**2 + v**2
+    du = (2 * u**2 + r2) * p0 + 2 * u * v * p1 + s0 * r2 + s1 * r2**2
+    dv = (2 * v**2 + r2) * p1 + 2 * u * v * p0 + s2 * r2 + s3 * r2**2
+    return np.stack([u + du, v + dv], axis=-1)
+
+
+def cylindrical(directions: ArrayLike) -> _Plane:
+    """Cylinder around the y axis: ``(atan2(X, Z), Y / sqrt(X^2 + Z^2))``; NaN straight up and down.
+
+    Parameters
+    ----------
+    directions : array_like, shape (..., 3)
+        Directions in the camera frame, to all sides.
+
+    Returns
+    -------
+    ndarray, shape (..., 2), float64
+    """
+    x, y, z = _xyz(directions)
+    with np.errstate(all="ignore"):
+        level = np.hypot(x, z)
+        return np.stack([np.arctan2(x, z), y / np.where(level > 0, level, np.nan)], axis=-1)
+
+
+def equirectangular(directions: ArrayLike) -> _Plane:
+    """Sphere: ``(atan2(X, Z), atan2(Y, sqrt(X^2 + Z^2)))``, longitude and latitude, the latter downwards.
+
+    Parameters
+    ----------
+    directions : array_like, shape (..., 3)
+        Directions in the camera frame, to all sides.
+
+    Returns
+    -------
+    ndarray, shape (..., 2), float64
+    """
+    x, y, z = _xyz(directions)
+    m = np.stack([np.arctan2(x, z), np.arctan2(y, np.hypot(x, z))], axis=-1)
+    return np.where((x**2 + y**2 + z**2 > 0)[..., np.newaxis], m, np.nan)
 
 
 def image_of(directions: ArrayLike, lens: Any) -> _Plane:
@@ -275,6 +497,13 @@ def image_of(directions: ArrayLike, lens: Any) -> _Plane:
         "DoubleSphere": lambda: double_sphere(directions, lens.xi, lens.alpha),
         "Eucm": lambda: eucm(directions, lens.alpha, lens.beta),
         "Ocam": lambda: ocam(directions, lens.polynomial, lens.affine),
+        "FTheta": lambda: ftheta(directions, lens.polynomial, lens.form, lens.linear),
+        "Fov": lambda: fov(directions, lens.omega),
+        "Division": lambda: division(directions, lens.k),
+        "InverseBrownConrady": lambda: inverse_brown_conrady(directions, lens.coefficients),
+        "ThinPrismFisheye": lambda: thin_prism_fisheye(directions, lens.coefficients),
+        "Cylindrical": lambda: cylindrical(directions),
+        "Equirectangular": lambda: equirectangular(directions),
     }
     m = formulas[type(lens).__name__]()
     angle = np.arctan2(np.hypot(directions[..., 0], directions[..., 1]), directions[..., 2])

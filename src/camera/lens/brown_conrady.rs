@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 
-use super::{Distort, Line, OnLine, coefficients, limit, listed, polynomial, sees, shown};
+use super::{Distort, Line, OnLine, coefficients, limit, listed, planar, polynomial, sees, shown};
 use crate::error::Result;
 
 /// Tangent of the largest angle from the axis at which a lens that bends is asked: beyond 89.99994 degrees there is nothing.
@@ -277,25 +277,8 @@ impl BrownConrady {
             }
             p = next;
         }
-        // then all of it: Newton, with shorter steps where one leads away or out
-        let edge = end * (1.0 + 1e-9); // so that what lies on the edge is reached and not slid along to
-        let inside = |p: Vector2<f64>| if p.norm() > edge { p * (edge / p.norm()) } else { p };
-        p = inside(p);
-        let mut residual = error(&p);
-        for _ in 0..100 {
-            if residual.norm() <= 4.0 * f64::EPSILON * length {
-                break;
-            }
-            let Some(inverse) = self.jacobian(p.x, p.y).try_inverse() else { break };
-            let step = inverse * residual;
-            let shorter = |scale: f64| {
-                let next = inside(p - step * scale);
-                let after = error(&next);
-                (after.norm() < residual.norm()).then_some((next, after))
-            };
-            let Some((next, after)) = (0..30).find_map(|halvings| shorter(0.5f64.powi(halvings))) else { break };
-            (p, residual) = (next, after);
-        }
+        // then all of it
+        let p = planar::root(p, end, length, error, |p| self.jacobian(p.x, p.y));
         Some(p.into())
     }
 
@@ -341,32 +324,16 @@ impl BrownConrady {
 
     /// Where thin prism terms fold the image or a tilt takes it through infinity, looked for in all directions.
     fn radius_by_scan(&self, end: f64) -> f64 {
-        const AZIMUTHS: u32 = 180;
-        const STEPS: u32 = 512;
-        let azimuths: Vec<_> =
-            (0..AZIMUTHS).map(|i| (f64::from(i) / f64::from(AZIMUTHS) * std::f64::consts::TAU).sin_cos()).collect();
-        let keeps = |r: f64| {
-            azimuths.iter().all(|&(sin, cos)| {
-                let (x, y) = (r * cos, r * sin);
-                let j = self.jacobian(x, y);
-                let mixed = 0.5 * (j[(0, 1)] + j[(1, 0)]);
-                let (u, v) = self.bend::<12>(x, y);
-                let t = &self.tilt;
-                j[(0, 0)] > 0.0
-                    && j[(0, 0)] * j[(1, 1)] > mixed * mixed
-                    && t[(2, 0)] * u + t[(2, 1)] * v + t[(2, 2)] > 0.0
-            })
-        };
+        let t = &self.tilt;
         let widest = end.atan();
-        let mut low = 0.0;
-        for step in 1..=STEPS {
-            let high = if step == STEPS { end } else { (widest * f64::from(step) / f64::from(STEPS)).tan() };
-            if !keeps(high) {
-                return polynomial::bisect(low, high, keeps);
-            }
-            low = high;
-        }
-        end
+        planar::circle_until(
+            end,
+            |part| (widest * part).tan(),
+            |[x, y]| {
+                let (u, v) = self.bend::<12>(x, y);
+                planar::grows(&self.jacobian(x, y)) && t[(2, 0)] * u + t[(2, 1)] * v + t[(2, 2)] > 0.0
+            },
+        )
     }
 }
 

@@ -1,7 +1,9 @@
 //! Kannala-Brandt: an odd polynomial of the angle.
 
-use super::of_angle::{Curve, OfAngle};
-use super::{listed, shown};
+use nalgebra::Vector3;
+
+use super::of_angle::OfAngle;
+use super::{Distort, coefficients, limit, listed, shown};
 use crate::error::Result;
 
 /// The equidistant fisheye, also called KB4. With `r = sqrt(X^2 + Y^2)` and `t = atan2(r, Z)`:
@@ -11,7 +13,11 @@ use crate::error::Result;
 ///
 /// Its domain ends at the first zero of the derivative of rho, or straight behind.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct KannalaBrandt(Curve);
+pub struct KannalaBrandt {
+    k: [f64; 4],
+    limit: Option<f64>,
+    rho: OfAngle<5, 2>,
+}
 
 impl KannalaBrandt {
     /// A lens from k1, k2, k3, k4. `max_angle`, radians from the axis, makes the domain smaller.
@@ -21,49 +27,42 @@ impl KannalaBrandt {
     /// [`LensError::Parameter`](crate::error::LensError::Parameter) for what is not finite or a limit that is none,
     /// [`LensError::Folds`](crate::error::LensError::Folds) where the image folds back at once.
     pub fn new(given: &[f64], max_angle: Option<f64>) -> Result<Self> {
-        let slope = |k: &[f64; 4]| Ok([1.0, 0.0, 3.0 * k[0], 0.0, 5.0 * k[1], 0.0, 7.0 * k[2], 0.0, 9.0 * k[3]]);
-        Curve::new("KannalaBrandt", "4 (k1, k2, k3, k4)", given, max_angle, slope).map(Self)
+        const NAME: &str = "KannalaBrandt";
+        const ORDER: &str = "4 (k1, k2, k3, k4)";
+        let k @ [k1, k2, k3, k4] = coefficients(NAME, ORDER, &[4], given)?;
+        let rho = OfAngle::new(NAME, ORDER, [1.0, k1, k2, k3, k4], limit(NAME, max_angle)?)?;
+        Ok(Self { k, limit: max_angle, rho })
     }
 
     /// k1, k2, k3, k4.
     pub fn coefficients(&self) -> &[f64; 4] {
-        &self.0.k
+        &self.k
     }
 
     /// The limit that was given.
     pub fn limit(&self) -> Option<f64> {
-        self.0.limit
+        self.limit
     }
 
     /// The validity limit, radians from the axis.
     pub fn max_angle(&self) -> f64 {
-        self.0.end
+        self.rho.end()
+    }
+
+    pub(super) fn undistort(&self, m: [f64; 2]) -> Option<Vector3<f64>> {
+        Some(self.rho.undistort(m))
     }
 }
 
-impl OfAngle for KannalaBrandt {
+impl Distort for KannalaBrandt {
     #[inline(always)]
-    fn curve(&self) -> &Curve {
-        &self.0
-    }
-
-    #[inline(always)]
-    fn radius(&self, t: f64) -> f64 {
-        let [k1, k2, k3, k4] = self.0.k;
-        let u = t * t;
-        t * (1.0 + u * (k1 + u * (k2 + u * (k3 + u * k4))))
-    }
-
-    #[inline(always)]
-    fn slope(&self, t: f64) -> f64 {
-        let [k1, k2, k3, k4] = self.0.k;
-        let u = t * t;
-        1.0 + u * (3.0 * k1 + u * (5.0 * k2 + u * (7.0 * k3 + u * 9.0 * k4)))
+    fn distort(&self, x: f64, y: f64, z: f64) -> (f64, f64) {
+        self.rho.distort(x, y, z)
     }
 }
 
 impl std::fmt::Display for KannalaBrandt {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "KannalaBrandt([{}]{})", listed(&self.0.k), shown(self.0.limit))
+        write!(f, "KannalaBrandt([{}]{})", listed(&self.k), shown(self.limit))
     }
 }

@@ -6,34 +6,49 @@
 
 mod angle;
 mod brown_conrady;
+mod division;
 mod double_sphere;
 pub(crate) mod error;
 mod eucm;
+mod fit;
+mod fov;
+mod ftheta;
+mod inverse_brown_conrady;
 mod kannala_brandt;
 mod line;
 mod mei;
 mod ocam;
 mod of_angle;
+mod panorama;
+mod planar;
 mod polynomial;
 mod radial_polynomial;
+mod thin_prism;
 
 pub use brown_conrady::BrownConrady;
+pub use division::Division;
 pub use double_sphere::DoubleSphere;
 pub use eucm::Eucm;
+pub use fov::Fov;
+pub use ftheta::{FTheta, FThetaForm};
+pub use inverse_brown_conrady::InverseBrownConrady;
 pub use kannala_brandt::KannalaBrandt;
 pub use mei::Mei;
 pub use ocam::Ocam;
+pub use panorama::{Cylindrical, Equirectangular};
 pub use radial_polynomial::RadialPolynomial;
+pub use thin_prism::ThinPrismFisheye;
 
 pub(crate) use brown_conrady::Terms;
 pub(crate) use double_sphere::Spheres;
+pub(crate) use ftheta::Way;
 pub(crate) use line::Line;
 pub(crate) use ocam::Radii;
+pub(crate) use thin_prism::Prisms;
 
 use nalgebra::{Matrix3, Vector3};
 
 use crate::error::{Error, LensError, Result};
-use of_angle::OfAngle;
 
 /// What a model does with a direction: the part that loops over cells are made of.
 pub(crate) trait Distort {
@@ -86,7 +101,8 @@ pub(crate) struct OnLine<F> {
 }
 
 /// A lens model. `pixel = K [lens(direction); 1]`: most models give what a pinhole would see, so that K holds focal
-/// lengths in pixels; [`RadialPolynomial`] and [`Ocam`] give pixels, so that K is `[[1, 0, cx], [0, aspect, cy], [0, 0, 1]]`.
+/// lengths in pixels; [`RadialPolynomial`], [`FTheta`] and [`Ocam`] give pixels, so that K is `[[1, 0, cx], [0, aspect, cy], [0,
+/// 0, 1]]`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub enum Lens {
@@ -104,6 +120,20 @@ pub enum Lens {
     RadialPolynomial(RadialPolynomial),
     /// Scaramuzza's polynomial of the radius, in pixels.
     Ocam(Ocam),
+    /// NVIDIA's polynomial of the angle or of the radius, in pixels.
+    FTheta(FTheta),
+    /// Field of view, Devernay and Faugeras.
+    Fov(Fov),
+    /// Division, Fitzgibbon.
+    Division(Division),
+    /// Brown-Conrady from the image to the ray, RealSense.
+    InverseBrownConrady(InverseBrownConrady),
+    /// Fisheyes with tangential and thin prism terms, COLMAP and Project Aria.
+    ThinPrismFisheye(ThinPrismFisheye),
+    /// A panorama on a cylinder.
+    Cylindrical(Cylindrical),
+    /// A panorama on a sphere.
+    Equirectangular(Equirectangular),
 }
 
 /// Calls `$body` with `$model` bound to what the lens is made of.
@@ -117,6 +147,13 @@ macro_rules! each_model {
             Lens::Eucm($model) => $body,
             Lens::RadialPolynomial($model) => $body,
             Lens::Ocam($model) => $body,
+            Lens::FTheta($model) => $body,
+            Lens::Fov($model) => $body,
+            Lens::Division($model) => $body,
+            Lens::InverseBrownConrady($model) => $body,
+            Lens::ThinPrismFisheye($model) => $body,
+            Lens::Cylindrical($model) => $body,
+            Lens::Equirectangular($model) => $body,
         }
     };
 }
@@ -125,7 +162,7 @@ macro_rules! each_model {
 /// type: the models that branch by their parameters are split into ones that do not.
 macro_rules! each_distort {
     ($lens:expr, $model:ident: $Model:ident => $body:expr) => {{
-        use $crate::camera::lens::{Lens, Radii, Spheres, Terms};
+        use $crate::camera::lens::{Lens, Prisms, Radii, Spheres, Terms, Way};
         macro_rules! with {
             ($made:expr, $type:ty) => {{
                 type $Model = $type;
@@ -148,6 +185,17 @@ macro_rules! each_distort {
             Lens::RadialPolynomial(lens) => with!(lens, $crate::camera::RadialPolynomial),
             Lens::Ocam(lens) if lens.polynomial().len() <= 5 => with!(&Radii::<5>(*lens), Radii<5>),
             Lens::Ocam(lens) => with!(&Radii::<12>(*lens), Radii<12>),
+            Lens::FTheta(lens) if lens.form() == $crate::camera::FThetaForm::Backward => {
+                with!(&Way::<true>(*lens), Way<true>)
+            }
+            Lens::FTheta(lens) => with!(&Way::<false>(*lens), Way<false>),
+            Lens::Fov(lens) => with!(lens, $crate::camera::Fov),
+            Lens::Division(lens) => with!(lens, $crate::camera::Division),
+            Lens::InverseBrownConrady(lens) => with!(lens, $crate::camera::InverseBrownConrady),
+            Lens::ThinPrismFisheye(lens) if lens.is_after() => with!(&Prisms::<true>(*lens), Prisms<true>),
+            Lens::ThinPrismFisheye(lens) => with!(&Prisms::<false>(*lens), Prisms<false>),
+            Lens::Cylindrical(lens) => with!(lens, $crate::camera::Cylindrical),
+            Lens::Equirectangular(lens) => with!(lens, $crate::camera::Equirectangular),
         }
     }};
 }
@@ -187,10 +235,18 @@ impl Lens {
         [0.0, 1e-15, 1e-12, 1e-10, 1e-8].into_iter().find_map(|pull| {
             let ray = if pull == 0.0 { found } else { towards_axis(&found, self.max_angle(), pull) };
             let [mx, my] = self.project(&ray)?;
-            // what Ocam is defined by is this way; the other is uncertain near the edge
-            let defined = matches!(self, Self::Ocam(_));
+            let defined = self.is_defined_by_its_inverse();
             (defined || (mx - m[0]).abs() <= tolerance && (my - m[1]).abs() <= tolerance).then_some(ray)
         })
+    }
+
+    /// Whether the formula goes from the image to the direction; the other way, a search, is uncertain near the edge.
+    fn is_defined_by_its_inverse(&self) -> bool {
+        match self {
+            Self::Ocam(_) | Self::InverseBrownConrady(_) | Self::Division(_) => true,
+            Self::FTheta(lens) => lens.form() == FThetaForm::Backward,
+            _ => false,
+        }
     }
 
     /// How far rounding of a direction can move its image, for a lens whose image stretches without bound: before a
@@ -207,6 +263,7 @@ impl Lens {
         match self {
             Self::RadialPolynomial(lens) => lens.coefficients()[0],
             Self::Ocam(lens) => lens.polynomial()[0].abs(),
+            Self::FTheta(lens) => lens.unit(),
             _ => 1.0,
         }
     }
@@ -227,6 +284,13 @@ impl Lens {
             Self::Eucm(_) => "Eucm",
             Self::RadialPolynomial(_) => "RadialPolynomial",
             Self::Ocam(_) => "Ocam",
+            Self::FTheta(_) => "FTheta",
+            Self::Fov(_) => "Fov",
+            Self::Division(_) => "Division",
+            Self::InverseBrownConrady(_) => "InverseBrownConrady",
+            Self::ThinPrismFisheye(_) => "ThinPrismFisheye",
+            Self::Cylindrical(_) => "Cylindrical",
+            Self::Equirectangular(_) => "Equirectangular",
         }
     }
 }
@@ -246,7 +310,22 @@ macro_rules! lens_from {
         }
     )*};
 }
-lens_from!(BrownConrady, KannalaBrandt, Mei, DoubleSphere, Eucm, RadialPolynomial, Ocam);
+lens_from!(
+    BrownConrady,
+    KannalaBrandt,
+    Mei,
+    DoubleSphere,
+    Eucm,
+    RadialPolynomial,
+    Ocam,
+    FTheta,
+    Fov,
+    Division,
+    InverseBrownConrady,
+    ThinPrismFisheye,
+    Cylindrical,
+    Equirectangular
+);
 
 /// A unit direction, turned towards +z as far as `widest` if it is farther from it, and a small angle more.
 fn towards_axis(ray: &Vector3<f64>, widest: f64, pull: f64) -> Vector3<f64> {

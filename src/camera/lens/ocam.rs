@@ -3,6 +3,7 @@
 use nalgebra::Vector3;
 
 use super::angle::angle_from_axis;
+use super::fit::Fit;
 use super::{Distort, limit, listed, parameter, polynomial, sees, shown};
 use crate::error::{Error, LensError, Result};
 
@@ -10,26 +11,6 @@ use crate::error::{Error, LensError, Result};
 const MOST: usize = 12;
 /// Entries of the table that a search begins with.
 const STARTS: usize = 9;
-/// Terms of the polynomial that a draft begins with: with 14, two steps of Newton's settle up to 135, 97 and 92 degrees, the
-/// whole domains of two, with the lenses that we know; with 10, up to 107, 82 and 92.
-const TERMS: usize = 14;
-/// Chebyshev's nodes on 0 to 1, at which it is exact.
-const NODES: [f64; TERMS] = [
-    0.003_143_895_053_378_698,
-    0.028_058_334_845_816_213,
-    0.076_637_900_385_857_94,
-    0.146_446_609_406_726_2,
-    0.233_983_961_742_331_71,
-    0.334_860_469_022_416_34,
-    0.444_017_761_948_346_13,
-    0.555_982_238_051_653_8,
-    0.665_139_530_977_583_6,
-    0.766_016_038_257_668_2,
-    0.853_553_390_593_273_7,
-    0.923_362_099_614_142_1,
-    0.971_941_665_154_183_8,
-    0.996_856_104_946_621_4,
-];
 /// The last step of a search, in parts of rho: the error after it is of the order of its square.
 const SETTLED: f64 = 1e-9;
 /// Pixels from the centre beyond which nothing is looked for.
@@ -68,25 +49,11 @@ pub struct Ocam {
     fit: Fit,
 }
 
-/// About rho of a direction: `s (c0 + (s - s0) (c1 + (s - s1) (c2 + ...)))` with the nodes s0, s1, ..., and s the tangent of
-/// half its angle in parts of the largest one. A tangent takes one division, the angle a series of eleven terms too.
-#[derive(Debug, Clone, Copy)]
-struct Fit {
-    coefficients: [f64; TERMS],
-    /// One over the largest tangent that it is good for.
-    scale: f64,
-}
-
 /// The signs of both conventions, and zeros behind, make no difference.
 impl PartialEq for Ocam {
     fn eq(&self, other: &Self) -> bool {
         (self.forward, self.affine, self.end) == (other.forward, other.affine, other.end)
     }
-}
-
-impl Fit {
-    /// Good for no direction: s is infinite, or on the axis NaN.
-    const NONE: Self = Self { coefficients: [0.0; TERMS], scale: f64::INFINITY };
 }
 
 impl Ocam {
@@ -140,34 +107,18 @@ impl Ocam {
         Ok(lens)
     }
 
-    /// The fit over the largest part of the domain in which drafts that begin with it settle: near a fold, and where rho
-    /// runs off, no polynomial follows it.
+    /// Where drafts begin, by the tangent of half the angle: a tangent takes one division, the angle a series of eleven terms
+    /// too.
     fn fitted(&self) -> Fit {
-        const PARTS: u32 = 32;
-        const CHECKS: u32 = 64;
-        let mut lens = *self;
-        for part in (1..=PARTS).rev() {
-            let largest = (0.5 * self.angle_end * f64::from(part) / f64::from(PARTS)).tan();
-            // divided differences of rho / s
-            let mut coefficients = NODES.map(|s| {
-                let (sin, cos) = (2.0 * (s * largest).atan()).sin_cos();
-                self.radius(sin, cos, self.start(sin, cos)) / s
-            });
-            for order in 1..TERMS {
-                for i in (order..TERMS).rev() {
-                    coefficients[i] = (coefficients[i] - coefficients[i - 1]) / (NODES[i] - NODES[i - order]);
-                }
-            }
-            lens.fit = Fit { coefficients, scale: 1.0 / largest };
-            let settles = |check: u32| {
-                let t = (largest * f64::from(check) / f64::from(CHECKS)).min((1.0 - 1e-12) * largest);
-                lens.drafted::<MOST>(2.0 * t, 0.0, (1.0 - t) * (1.0 + t)).0 != f64::INFINITY
-            };
-            if (0..=CHECKS).all(settles) {
-                return lens.fit;
-            }
-        }
-        Fit::NONE
+        let largest = |part: f64| (0.5 * self.angle_end * part).tan();
+        let exact = |tangent: f64| {
+            let (sin, cos) = (2.0 * tangent.atan()).sin_cos();
+            self.radius(sin, cos, self.start(sin, cos))
+        };
+        Fit::widest(largest, exact, |fit, t| {
+            let lens = Self { fit: *fit, ..*self };
+            lens.drafted::<MOST>(2.0 * t, 0.0, (1.0 - t) * (1.0 + t)).0 != f64::INFINITY
+        })
     }
 
     /// The image of a direction by [`Fit`] and two steps of Newton's, with the first `N` coefficients: any others are 0. The
@@ -177,14 +128,7 @@ impl Ocam {
         let r = (x * x + y * y).sqrt();
         let length = (r * r + z * z).sqrt();
         let inside = (self.end * z - self.f_end * r >= 0.0) & ((r > 0.0) | (z > 0.0));
-        let Fit { coefficients, scale } = &self.fit;
-        let s = r / (length + z) * scale;
-        let mut start = coefficients[TERMS - 1];
-        let mut term = TERMS - 1;
-        while term > 0 {
-            term -= 1;
-            start = start * (s - NODES[term]) + coefficients[term];
-        }
+        let (rho, good) = self.fit.at(r / (length + z));
         // a closure that is called twice, and not a loop around a loop: of that the compiler makes no vectors
         let step = |rho: f64| {
             let (mut f, mut slope) = (0.0, 0.0);
@@ -196,11 +140,10 @@ impl Ocam {
             }
             (rho * z - f * r) / (z - slope * r)
         };
-        let rho = start * s;
         let rho = rho - step(rho);
         let step = step(rho);
         let rho = rho - step;
-        let settled = (s <= 1.0) & (step.abs() <= SETTLED * rho) & (rho <= self.end);
+        let settled = good & (step.abs() <= SETTLED * rho) & (rho <= self.end);
         let scale = if r > 0.0 { rho / r } else { 0.0 };
         let scale = if inside { scale } else { f64::NAN };
         let (x, y) = (x * scale, y * scale);
@@ -381,7 +324,7 @@ mod tests {
             }
             // a draft settles, but for where rho runs off behind, and before a fold
             let most = if lens.count <= 5 { 0 } else { steps / 4 };
-            assert!(open <= most, "{lens}: {open} of {steps} open, {} to {}", lens.fit.scale, lens.angle_end);
+            assert!(open <= most, "{lens}: {open} of {steps} open, {} to {}", lens.fit.scale(), lens.angle_end);
         }
     }
 

@@ -1,70 +1,91 @@
-//! Lenses whose image lies at a distance from the centre that is a polynomial of the angle from the axis.
+//! Polynomials of the angle from the axis, which say at what distance from the centre a direction's image lies.
 
 use nalgebra::Vector3;
 
 use super::angle::angle_from_axis;
-use super::{Distort, coefficients, limit, polynomial, sees};
+use super::{Distort, polynomial, sees};
 use crate::error::Result;
 
-/// What such a lens is made of.
+/// `rho = t (q0 + q1 u + q2 u^2 + ...)` of the angle t, with u = t to the power `STEP`, 1 or 2.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Curve {
-    /// The coefficients, as given.
-    pub(super) k: [f64; 4],
-    /// The limit that was given.
-    pub(super) limit: Option<f64>,
+pub(super) struct OfAngle<const N: usize, const STEP: usize> {
+    q: [f64; N],
     /// The validity limit, radians from the axis.
-    pub(super) end: f64,
+    end: f64,
 }
 
-impl Curve {
-    /// Coefficients and a limit, checked; `slope` makes of them the derivative of rho by the angle, constant first, which
-    /// is positive on the axis.
-    pub(super) fn new<const N: usize>(
-        lens: &'static str,
-        order: &'static str,
-        given: &[f64],
-        max_angle: Option<f64>,
-        slope: impl Fn(&[f64; 4]) -> Result<[f64; N]>,
-    ) -> Result<Self> {
-        let k = coefficients(lens, order, &[4], given)?;
-        let limit = limit(lens, max_angle)?;
-        let end = polynomial::positive_until(&slope(&k)?, limit).unwrap_or(limit);
+impl<const N: usize, const STEP: usize> OfAngle<N, STEP> {
+    /// The polynomial of these coefficients, q0 above 0, up to where it stops growing or `limit`.
+    ///
+    /// # Errors
+    /// [`LensError::Folds`](crate::error::LensError::Folds) where that is on the axis.
+    pub(super) fn new(lens: &'static str, order: &'static str, q: [f64; N], limit: f64) -> Result<Self> {
+        let mut slope = vec![0.0; (N - 1) * STEP + 1];
+        for (power, &coefficient) in q.iter().enumerate() {
+            slope[power * STEP] = (power * STEP + 1) as f64 * coefficient;
+        }
+        let end = polynomial::positive_until(&slope, limit).unwrap_or(limit);
         sees(lens, order, end, limit)?;
-        Ok(Self { k, limit: max_angle, end })
+        Ok(Self { q, end })
     }
-}
 
-/// A lens that a curve makes, rho of the angle.
-pub(super) trait OfAngle {
-    /// What it is made of.
-    fn curve(&self) -> &Curve;
+    /// q0, q1, ...
+    pub(super) fn coefficients(&self) -> &[f64; N] {
+        &self.q
+    }
+
+    /// The validity limit, radians from the axis.
+    pub(super) fn end(&self) -> f64 {
+        self.end
+    }
 
     /// rho at the angle t.
-    fn radius(&self, t: f64) -> f64;
+    #[inline(always)]
+    pub(super) fn radius(&self, t: f64) -> f64 {
+        let u = if STEP == 2 { t * t } else { t };
+        let mut sum = self.q[N - 1];
+        let mut power = N - 1;
+        while power > 0 {
+            power -= 1;
+            sum = sum * u + self.q[power];
+        }
+        t * sum
+    }
 
     /// The derivative of rho at the angle t.
-    fn slope(&self, t: f64) -> f64;
+    fn slope(&self, t: f64) -> f64 {
+        let u = if STEP == 2 { t * t } else { t };
+        (0..N).rev().fold(0.0, |sum, power| sum * u + (power * STEP + 1) as f64 * self.q[power])
+    }
+
+    /// The angle whose image lies at this distance from the centre; the validity limit for all that is farther.
+    pub(super) fn angle(&self, rho: f64) -> f64 {
+        let start = rho / self.q[0];
+        polynomial::root_of_increasing(self.end, start, |t| (self.radius(t) - rho, self.slope(t)))
+    }
 
     /// The direction whose image is (x, y), or a guess that must be checked.
-    fn undistort(&self, [x, y]: [f64; 2]) -> Option<Vector3<f64>> {
+    pub(super) fn undistort(&self, [x, y]: [f64; 2]) -> Vector3<f64> {
         let rho = x.hypot(y);
-        let start = rho / self.slope(0.0);
-        let angle = polynomial::root_of_increasing(self.curve().end, start, |t| (self.radius(t) - rho, self.slope(t)));
-        if rho == 0.0 {
-            return Some(Vector3::z());
-        }
-        let (sin, cos) = angle.sin_cos();
-        Some(Vector3::new(x / rho * sin, y / rho * sin, cos))
+        at_angle([x, y], rho, self.angle(rho))
     }
 }
 
-impl<L: OfAngle> Distort for L {
+/// The direction at this angle from the axis and on the side of (x, y), which is `rho` long.
+pub(super) fn at_angle([x, y]: [f64; 2], rho: f64, angle: f64) -> Vector3<f64> {
+    if rho == 0.0 {
+        return Vector3::z();
+    }
+    let (sin, cos) = angle.sin_cos();
+    Vector3::new(x / rho * sin, y / rho * sin, cos)
+}
+
+impl<const N: usize, const STEP: usize> Distort for OfAngle<N, STEP> {
     #[inline(always)]
     fn distort(&self, x: f64, y: f64, z: f64) -> (f64, f64) {
         let r = (x * x + y * y).sqrt();
         let t = angle_from_axis(r, z);
-        let t = if t <= self.curve().end { t } else { f64::NAN };
+        let t = if t <= self.end { t } else { f64::NAN };
         let rho = self.radius(t);
         // on the axis itself both are 0
         let scale = if r > 0.0 { rho / r } else { rho };

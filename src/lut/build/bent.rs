@@ -163,7 +163,8 @@ mod tests {
     use super::*;
     use crate::camera::Lens;
     use crate::camera::{
-        BrownConrady, Camera, DoubleSphere, Eucm, KannalaBrandt, Mei, Ocam, Pinhole, RadialPolynomial,
+        BrownConrady, Camera, Cylindrical, Division, DoubleSphere, Equirectangular, Eucm, FTheta, FThetaForm, Fov,
+        InverseBrownConrady, KannalaBrandt, Mei, Ocam, Pinhole, RadialPolynomial, ThinPrismFisheye,
     };
 
     fn lenses() -> Vec<Lens> {
@@ -185,6 +186,18 @@ mod tests {
             Eucm::new(0.6, 1.1, None).unwrap().into(),
             RadialPolynomial::new(&[340.0, -32.0, 48.0, -7.2], None).unwrap().into(),
             Ocam::new(&[-300.0, 0.0, 1e-3, -1e-6, 1e-9], [1.001, 2e-3, -3e-3], None).unwrap().into(),
+            FTheta::new(&[0.0, 340.0, 5.0, -8.0], FThetaForm::Forward, [1.01, 2e-3, -3e-3], None).unwrap().into(),
+            FTheta::new(&[0.0, 2.9e-3, 1e-8, 1e-10], FThetaForm::Backward, [1.0, 0.0, 0.0], None).unwrap().into(),
+            Fov::new(1.1, None).unwrap().into(),
+            Division::new(-0.4, None).unwrap().into(),
+            Division::new(0.2, None).unwrap().into(),
+            InverseBrownConrady::new(&[-0.2, 0.05, 1e-3, -2e-3, 0.0], None).unwrap().into(),
+            ThinPrismFisheye::new(&[0.01, -0.02, 1e-3, -2e-3, 3e-3, -1e-3, 4e-3, -5e-3], None).unwrap().into(),
+            ThinPrismFisheye::new(&[0.01, -0.01, 2e-3, 0., 0., 0., 1e-3, -2e-3, 3e-3, 0., 1e-3, 0.], None)
+                .unwrap()
+                .into(),
+            Cylindrical::new(None).unwrap().into(),
+            Equirectangular::new(None).unwrap().into(),
         ]
     }
 
