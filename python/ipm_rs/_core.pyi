@@ -2445,8 +2445,14 @@ class Lut:
             LutError, DtypeError: shapes or dtypes are wrong or differ.
         """
     @classmethod
-    @overload
-    def from_homography(cls, M: ArrayLike, *, size: Sequence[int], source_size: Sequence[int]) -> Lut:
+    def from_homography(
+        cls,
+        M: ArrayLike,
+        *,
+        size: Sequence[int] | None = None,
+        source_size: Sequence[int],
+        grid: BevGrid | None = None,
+    ) -> Lut:
         """A table from a homography, of pixels or of metres.
 
         Args:
@@ -2463,9 +2469,6 @@ class Lut:
             ArgumentError, ArgumentTypeError: both or neither of `size` and `grid`; with `grid=` an M that has y to the right,
                 or goes the other way: the middle of the picture's last row would see no ground.
         """
-    @classmethod
-    @overload
-    def from_homography(cls, M: ArrayLike, *, source_size: Sequence[int], grid: BevGrid) -> Lut: ...
     @staticmethod
     def between(source: Camera, target: Camera) -> Lut:
         """A table from the pictures of a camera to those that another takes from the same place.

@@ -57,8 +57,12 @@ class Attached(_Static):
         return method
 
 
-class AttachedMethod(Attached):
-    """The same with the object as its first argument."""
+class AttachedMethod:
+    """The same with the object as the function's first argument."""
 
-    def __get__(self, camera: Any, owner: type | None = None) -> Callable[..., Any]:
-        return self._method if camera is None else MethodType(self._method, camera)
+    def __init__(self, name: str, module: str, function: str, owner: str = "Camera") -> None:
+        self._static = Attached(name, module, function, owner)
+
+    def __get__(self, instance: Any, owner: type | None = None) -> Callable[..., Any]:
+        method = self._static.__get__(None)
+        return method if instance is None else MethodType(method, instance)
