@@ -573,6 +573,11 @@ RECIPES: dict[str, Callable[[Values], tuple[Callable[..., Any], Arguments]]] = {
     "Lut._from_bytes": _with(ipm_rs.Lut._from_bytes, lambda v: {"data": LUTS[0].__reduce__()[1][0]}),
     "BevGrid": _with(ipm_rs.BevGrid, lambda v: {"x": (4, 14), "y": (-4, 4), "resolution": PARAMETERS["resolution"](v)}),
     "RadialPolynomial": _with(ipm_rs.RadialPolynomial, lambda v: {"coefficients": [50.0, 0.1, 0, 0], "max_angle": 1.0}),
+    "Fov": _with(ipm_rs.Fov, lambda v: {"omega": 0.9, "max_angle": 1.0}),
+    "Division": _with(ipm_rs.Division, lambda v: {"k": -0.2, "max_angle": 1.0}),
+    "ThinPrismFisheye": _with(
+        ipm_rs.ThinPrismFisheye, lambda v: {"coefficients": [0.01, 0, 1e-3, 0, 0, 0, 0, 1e-3], "max_angle": 1.0}
+    ),
     "FTheta": _with(
         ipm_rs.FTheta,
         lambda v: {"polynomial": [0, 50.0, 0.1], "form": "forward", "linear": (1, 0, 0), "max_angle": 1.0},
