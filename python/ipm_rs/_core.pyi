@@ -2548,6 +2548,41 @@ class Lut:
             ArgumentError, ArgumentTypeError: more than 256 ids for "mode"; another argument is wrong, or the image's memory cannot be had without a
                 copy or is not the CPU's. In every case nothing has been written.
         """
+    def warp_adjoint(
+        self,
+        grad: NDArray[Any] | _DLPack | memoryview,
+        *,
+        interpolation: Literal["bilinear", "nearest"] = "bilinear",
+        out: _Out | None = None,
+        threads: int | None = None,
+        layout: Literal["HWC", "CHW", "NHWC", "NCHW"] = "HWC",
+    ) -> NDArray[Any] | _Out:
+        """The transpose of `warp`: from a value for each cell to one for each pixel.
+
+        Each pixel gets the sum over the cells that look at it of the cell's value times the pixel's part in the cell. That is
+        what the gradient of a loss goes back through, and what splats a bird's-eye view into the image: with a border of 0,
+        `(lut.warp(x) * y).sum()` and `(x * lut.warp_adjoint(y)).sum()` are the same but for rounding. Pixels that no cell
+        looks at are 0; what cells outside the image hold goes nowhere. Sums are in float64, always in the same order.
+
+        The first call turns the table round, in the time of a dozen warps, and keeps that in memory: 40 bytes a cell
+        ("bilinear") or 8 ("nearest"), and 4 a pixel.
+
+        Args:
+            grad: (rows, columns) or (rows, columns, C) of `shape`, or what `layout` says; float32 or float64.
+            interpolation: of the warp whose transpose it is.
+            out: where to write, of the grad's dtype and the result's shape, not overlapping the grad.
+            threads: at most how many threads; None is `get_num_threads()`. The result does not depend on it.
+            layout: the order of the axes of `grad` and of the result, as in `warp`.
+
+        Returns:
+            The array of the table's source size in the same layout and dtype; `out` itself if that was given.
+
+        Raises:
+            ImageError: a shape or the memory layout is wrong; out is read-only or overlaps the grad.
+            DtypeError: grad is neither float32 nor float64, or out's dtype differs.
+            ArgumentError, ArgumentTypeError: interpolation is "area" or "mode"; another argument is wrong.
+            OutOfMemoryError: there is not enough memory for the table turned round.
+        """
     @property
     def shape(self) -> tuple[int, int]:
         """(rows, columns) of the output."""

@@ -15,7 +15,7 @@ pub(crate) trait Derivative: Any + Send + Sync {
 }
 
 /// Kinds of derivatives that a table may have at once.
-const KINDS: usize = 4;
+const KINDS: usize = 6;
 
 /// Slots of a [`Lut`](super::Lut) for derivatives, one of each kind: empty at first, filled once, shared by all clones made
 /// since. They say nothing that the table does not, and so have no part in equality or in pickles.

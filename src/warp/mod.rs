@@ -1,5 +1,6 @@
 //! The backward warp: every output cell takes its value from where the table says.
 
+mod adjoint;
 pub(crate) mod area;
 mod blend;
 pub mod direct;

@@ -199,6 +199,20 @@ def _warp(v: Values) -> tuple[Callable[..., Any], Arguments]:
     return lut.warp, arguments | more
 
 
+def _warp_adjoint(v: Values) -> tuple[Callable[..., Any], Arguments]:
+    lut, channels = v.rng.choice(LUTS), v.rng.choice([(), (1,), (3,)])
+    grad = v.numbers(*lut.shape, *channels, dtype=v.rng.choice(["f4", "f8"]))
+    arguments: Arguments = {
+        "grad": grad,
+        "interpolation": v.rng.choice(["bilinear", "nearest"]),
+        "threads": 2,
+        "layout": "HWC",
+    }
+    if v.rng.random() < 0.5:
+        arguments["out"] = np.zeros((HEIGHT, WIDTH, *channels), grad.dtype)
+    return lut.warp_adjoint, arguments
+
+
 def _direct(v: Values, arguments: Arguments, shape: tuple[int, int]) -> Arguments:
     arguments |= {
         "interpolation": v.rng.choice(["bilinear", "nearest"]),
@@ -405,6 +419,7 @@ RECIPES: dict[str, Callable[[Values], tuple[Callable[..., Any], Arguments]]] = {
         streams.per_frame,
         {"camera": CAMERAS[0], "grid": GRIDS[0], "path": v.folder / "pitch.csv", "ground": 0.0, "max_gap": 1.0},
     ),
+    "Lut.warp_adjoint": _warp_adjoint,
     "RigLut.warp": _rig_warp,
     "RigLut.gains": lambda v: (v.rng.choice(RIG_LUTS).gains, {"images": v.rig_images("u1 f4")}),
     "Lut.save": lambda v: (LUTS[0].save, {"path": v.folder / "written.ipmlut"}),

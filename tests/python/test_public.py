@@ -51,8 +51,8 @@ MEMBERS = {
     "BevGrid": "shape x y resolution sample_at xy cell_from_ground ground_from_cell",
     "Plane": "from_camera from_coefficients from_angles transformed coefficients normal height_at",
     "HeightMap": "on_grid heights shape origin spacing height_at",
-    "Lut": "save load export between from_maps from_homography from_ground_points warp mask maps sampling_density "
-    "resolved_mask shape "
+    "Lut": "save load export between from_maps from_homography from_ground_points warp warp_adjoint mask maps "
+    "sampling_density resolved_mask shape "
     "source_size nbytes camera grid ground",
     "PixelRays": "camera nbytes",
     "Layers": "",
