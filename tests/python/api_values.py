@@ -74,6 +74,12 @@ def _drive() -> tuple[ipm_rs.Camera, list[np.ndarray], np.ndarray]:
 
 
 DRIVE = _drive()
+OVERLAP = ipm_rs.Rig(
+    {
+        name: ipm_rs.Camera.from_euler(K, image_size=(WIDTH, HEIGHT), position=(0, 0, 1.5), pitch=0.5, yaw=yaw)
+        for name, yaw in (("left", 0.2), ("right", -0.2))
+    }
+)
 LIFTED = np.array([[0, 0, 0.0], [0, 0, 0.5], [0, 0, 1], [0, 0, 0.2], [0, 0, 1.2]])
 GROUND_POINTS = np.array([[5.0, 1, 0], [6, -1, 0], [9, 2, 0], [12, -2, 0], [8, 0, 0]])
 HOMOGRAPHY = ipm_rs.Homography.from_points(CAMERAS[0].project(GROUND_POINTS)[0], GROUND_POINTS[:, :2])
@@ -512,6 +518,16 @@ RECIPES: dict[str, Callable[[Values], tuple[Callable[..., Any], Arguments]]] = {
             "K": np.array([[90.0, 0, 71.5], [0, 90, 55.5], [0, 0, 1]]),
             "heading": 0.1,
             "tolerance": 4.0,
+        },
+    ),
+    "refine.from_overlaps": lambda v: (
+        refine.from_overlaps,
+        {
+            "rig": OVERLAP,
+            "images": {name: scene.render(camera) for name, camera in OVERLAP.items()},
+            "fixed": v.rng.choice([None, "left"]),
+            "grid": ipm_rs.BevGrid(x=(1, 7), y=(-3, 3), resolution=0.2),
+            "ground": 0.0,
         },
     ),
     "refine.from_drive": lambda v: (

@@ -2,11 +2,22 @@
 
 `Camera.from_ground_points`, `Camera.from_points`, `Camera.from_projection` and `Camera.from_fov` give the camera alone;
 `from_ground_points` and `from_points` here also how far it can be trusted. `from_drive` finds how a camera is really
-mounted from the pictures of a drive and the vehicle's poses.
+mounted from the pictures of a drive and the vehicle's poses, `from_overlaps` the cameras of a ring from what two of
+them see at once.
 """
 
 from ipm_rs.refine._board import from_board
 from ipm_rs.refine._drive import DriveFit, from_drive
+from ipm_rs.refine._overlaps import RigFit, from_overlaps
 from ipm_rs.refine._points import PoseFit, from_ground_points, from_points
 
-__all__ = ["DriveFit", "PoseFit", "from_board", "from_drive", "from_ground_points", "from_points"]
+__all__ = [
+    "DriveFit",
+    "PoseFit",
+    "RigFit",
+    "from_board",
+    "from_drive",
+    "from_ground_points",
+    "from_overlaps",
+    "from_points",
+]

@@ -15,7 +15,7 @@ from ipm_rs.errors import ArgumentError, CalibrationError, ImageError
 from ipm_rs.refine._pictures import Pyramid
 from ipm_rs.refine._projection import Eye
 from ipm_rs.refine._road import PARAMETERS, Pair, Pose, Road, Sight, correlation, in_threads, pose_of_camera
-from ipm_rs.refine._solve import Normal, inverse_of, minimise
+from ipm_rs.refine._solve import Normal, inverse_of, minimise, patched, scatter_of
 
 __all__ = ["Alignment", "Solved"]
 
@@ -54,20 +54,6 @@ def _far(pose: Pose, other: Pose, height: float) -> bool:
     """Whether two poses are farther apart than coarse pictures lead from the one to the other."""
     cosine = 0.5 * (float(np.trace(pose.rotation.T @ other.rotation)) - 1.0)
     return cosine < math.cos(math.radians(0.8)) or abs(pose.position[2] - other.position[2]) > 0.08 * height
-
-
-def _patched(places: Matrix, pulls: Matrix, size: float) -> Matrix:
-    """Sum pulls (N, P) over square patches of the road that places (N, 3) lie on."""
-    away = places - places.mean(0)
-    along = np.linalg.eigh(np.einsum("ni,nj->ij", away, away))[1][:, :0:-1]  # the road's two directions
-    patches = np.floor(np.einsum("ni,ij->nj", away, along) / size).astype(np.int64)
-    which = np.unique(patches, axis=0, return_inverse=True)[1].reshape(-1)
-    return np.stack([np.bincount(which, weights=column) for column in pulls.T], -1)
-
-
-def _scatter(pulls: Matrix) -> Matrix:
-    """Return the covariance of the sum of pulls (N, P) that are drawn each for itself."""
-    return np.asarray(pulls.T @ pulls * (len(pulls) / max(len(pulls) - 1, 1)), dtype=np.float64)
 
 
 class Solved(NamedTuple):
@@ -268,8 +254,8 @@ class Alignment:
             return None
         parts = self.road.pulls(pose, sights, level, spread, free)
         places, pulls = (np.concatenate(each) for each in zip(*parts, strict=True))
-        by_patch = _scatter(_patched(places, pulls, size=_PATCH * self.height))
-        by_pair = _scatter(np.stack([pulls.sum(0) for _, pulls in parts]))
+        by_patch = scatter_of(patched(places, pulls, size=_PATCH * self.height))
+        by_pair = scatter_of(np.stack([pulls.sum(0) for _, pulls in parts]))
         middle = by_patch + by_pair
         angle = _SAMPLED / float(self.camera.intrinsics[0, 0])
         least = np.array([self.height * 10.0 * angle if PARAMETERS[index] == "height" else angle for index in free])

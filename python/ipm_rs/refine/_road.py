@@ -17,7 +17,19 @@ from ipm_rs.refine._pictures import Pyramid
 from ipm_rs.refine._projection import Eye
 from ipm_rs.refine._solve import Normal
 
-__all__ = ["PARAMETERS", "Pair", "Pose", "Road", "Sight", "correlation", "in_threads", "pose_of_camera"]
+__all__ = [
+    "CUT",
+    "PARAMETERS",
+    "Pair",
+    "Pose",
+    "Road",
+    "Sight",
+    "correlation",
+    "exposed",
+    "in_threads",
+    "pose_of_camera",
+    "weights_of",
+]
 
 Matrix = NDArray[np.float64]
 T = TypeVar("T")
@@ -25,7 +37,7 @@ U = TypeVar("U")
 
 PARAMETERS = ("roll", "pitch", "yaw", "height")
 
-_CUT = 4.685
+CUT = 4.685
 """Tukey's constant: what is off by more standard deviations counts for nothing, and 95 % of the information stays."""
 
 
@@ -40,7 +52,7 @@ class Pose(NamedTuple):
         """Return the pose after a step in those of `PARAMETERS` that are free, and in the nods."""
         whole = np.zeros(4)
         whole[list(free)] = step[: len(free)]
-        roll, pitch, yaw = angles_of(_square(self.rotation)) + whole[:3]
+        roll, pitch, yaw = angles_of(square(self.rotation)) + whole[:3]
         rotation = rotation_from_euler(roll, pitch, yaw) @ OPTICAL_FROM_FLU.T
         position = self.position + whole[3] * np.array([0.0, 0.0, 1.0])
         nods = self.nods + step[len(free) :] if len(step) > len(free) else self.nods
@@ -207,7 +219,7 @@ class Road:
             across = q - ((q * d).sum(1) / slant)[:, None] * n  # as far as the point stays on the road
             by_nods = np.stack([s[:, None] * np.cross(d, across), np.cross(g, away)])
             by_height = across[:, 2] - g[:, 2]
-        axes = [axes_of_angles(*angles_of(_square(each))[1:]) for each in (first, second)]
+        axes = [axes_of_angles(*angles_of(square(each))[1:]) for each in (first, second)]
         by_angles = [by_nods[k] @ axes[k] for k in (0, 1)]
         return values, np.column_stack([by_angles[0] + by_angles[1], by_height, by_angles[0][:, 1], by_angles[1][:, 1]])
 
@@ -230,8 +242,8 @@ class Road:
                 total += 1.0
                 continue
             values, there = values[both], sight.values[both]
-            off, _ = _exposed(values, there, spread, None)
-            share = np.minimum((off / (_CUT * spread)) ** 2, 1.0)
+            off, _ = exposed(values, there, spread, None)
+            share = np.minimum((off / (CUT * spread)) ** 2, 1.0)
             total += float(np.mean(1.0 - (1.0 - share) ** 3))
         return total / len(self.pairs)
 
@@ -248,7 +260,7 @@ class Road:
         pair, sight = item
         values = self.residuals(pose, pair, sight, level, slopes=False)[0]
         both = np.isfinite(values)
-        return _exposed(values[both], sight.values[both], None, None)[0]
+        return exposed(values[both], sight.values[both], None, None)[0]
 
     def normal_of(self, pose: Pose, sights: Sequence[Sight], level: int, spread: float, free: Sequence[int]) -> Normal:
         """Return the normal equations of Tukey's loss."""
@@ -281,7 +293,7 @@ class Road:
             d = rays @ first.T
             s = (self.offset - float(self.normal @ pose.position)) / np.einsum("nj,j->n", d, self.normal)
             road = s[:, None] * rays if self.of_camera else pose.position + s[:, None] * d
-            return road @ pair.place[:3, :3].T + pair.place[:3, 3], (_weights(off, spread) * off)[:, None] * J
+            return road @ pair.place[:3, :3].T + pair.place[:3, 3], (weights_of(off, spread) * off)[:, None] * J
 
         return in_threads(of, list(zip(self.pairs, sights, strict=True)))
 
@@ -289,14 +301,14 @@ class Road:
         """Return the normal equations of a pair by the free parameters, and by its own two nods if there are any."""
         columns = [*free, 4, 5] if len(pose.nods) else list(free)
         found = self._weighted(pose, item, level, spread, columns)
-        most, places = _CUT**2 / 6.0 * spread**2, len(item[1].values)
+        most, places = CUT**2 / 6.0 * spread**2, len(item[1].values)
         if found is None:
             return Normal(places * most, np.zeros(len(columns)), np.zeros((len(columns), len(columns))))
         off, J, _ = found
         # what leaves the picture counts as the rest does: else poses would be drawn to where less, or more, is seen
         all_over_seen = places / len(off)
-        share = np.minimum((off / (_CUT * spread)) ** 2, 1.0)
-        weighted = _weights(off, spread)[:, None] * J
+        share = np.minimum((off / (CUT * spread)) ** 2, 1.0)
+        weighted = weights_of(off, spread)[:, None] * J
         return Normal(
             all_over_seen * float((most * (1.0 - (1.0 - share) ** 3)).sum()),
             all_over_seen * np.einsum("np,n->p", weighted, off),
@@ -314,11 +326,11 @@ class Road:
         both = np.isfinite(values) & np.isfinite(J).all(1)
         if both.sum() < 10:
             return None
-        off, J = _exposed(values[both], sight.values[both], spread, J[both])
+        off, J = exposed(values[both], sight.values[both], spread, J[both])
         return off, J, both
 
 
-def _exposed(values: Matrix, there: Matrix, spread: float | None, J: Matrix | None) -> tuple[Matrix, Any]:
+def exposed(values: Matrix, there: Matrix, spread: float | None, J: Matrix | None) -> tuple[Matrix, Any]:
     """Return how brightness differs when the first picture's gain and offset fit best, and derivatives of that.
 
     They are fitted to what Tukey's weights leave, from a gain of one and the median offset on: what moves is no light.
@@ -329,7 +341,7 @@ def _exposed(values: Matrix, there: Matrix, spread: float | None, J: Matrix | No
         return off, J
     off = off - np.median(off)
     for _ in range(2):
-        weights = _weights(off, 1.4826 * float(np.median(np.abs(off))) if spread is None else spread)
+        weights = weights_of(off, 1.4826 * float(np.median(np.abs(off))) if spread is None else spread)
         total = float(weights.sum())
         if not total > 0:
             return off, J
@@ -355,8 +367,8 @@ def _dot(a: Matrix, b: Matrix) -> float:
     return float(np.einsum("n,n->", a, b))
 
 
-def _weights(off: Matrix, spread: float) -> Matrix:
-    share = np.minimum((off / (_CUT * spread)) ** 2, 1.0) if spread > 0 else np.ones_like(off)
+def weights_of(off: Matrix, spread: float) -> Matrix:
+    share = np.minimum((off / (CUT * spread)) ** 2, 1.0) if spread > 0 else np.ones_like(off)
     return (1.0 - share) ** 2
 
 
@@ -369,7 +381,7 @@ def correlation(a: Matrix, b: Matrix) -> float:
     return float(a @ b) / size if size > 0 else 0.0
 
 
-def _square(rotation: Matrix) -> Matrix:
+def square(rotation: Matrix) -> Matrix:
     pose = np.eye(4)
     pose[:3, :3] = rotation
     return pose

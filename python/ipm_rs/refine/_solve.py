@@ -9,7 +9,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Normal", "inverse_of", "minimise"]
+__all__ = ["Normal", "inverse_of", "minimise", "patched", "scatter_of"]
 
 State = TypeVar("State")
 
@@ -97,3 +97,17 @@ def inverse_of(hessian: NDArray[np.float64]) -> NDArray[np.float64] | None:
         return None
     inverse = (vectors / values) @ vectors.T / scale[:, None] / scale
     return np.asarray(inverse, dtype=np.float64)
+
+
+def patched(places: NDArray[np.float64], pulls: NDArray[np.float64], size: float) -> NDArray[np.float64]:
+    """Sum pulls (N, P) over square patches of the road that places (N, 3) lie on."""
+    away = places - places.mean(0)
+    along = np.linalg.eigh(np.einsum("ni,nj->ij", away, away))[1][:, :0:-1]  # the road's two directions
+    patches = np.floor(np.einsum("ni,ij->nj", away, along) / size).astype(np.int64)
+    which = np.unique(patches, axis=0, return_inverse=True)[1].reshape(-1)
+    return np.stack([np.bincount(which, weights=column) for column in pulls.T], -1)
+
+
+def scatter_of(pulls: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the covariance of the sum of pulls (N, P) that are drawn each for itself."""
+    return np.asarray(pulls.T @ pulls * (len(pulls) / max(len(pulls) - 1, 1)), dtype=np.float64)

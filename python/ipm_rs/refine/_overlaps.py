@@ -1,0 +1,232 @@
+"""The poses of a ring's cameras from what two of them see of the same road at once.
+
+Their bird's-eye views agree there if the poses are right. Brightness in the one view less brightness in the other is
+minimised over roll, pitch, yaw and height of all cameras but one together, from coarse cells to fine ones, with Tukey's
+loss, which counts for nothing what stands higher than the road and looks different from the two sides.
+"""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from itertools import islice
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ipm_rs._arguments import number_of
+from ipm_rs._core import BevGrid, Plane
+from ipm_rs.errors import ArgumentError, ArgumentTypeError, CalibrationError, CalibrationWarning, ImageError
+from ipm_rs.refine._inputs import guarded
+from ipm_rs.refine._pictures import grey_of
+from ipm_rs.refine._ring import Ring
+from ipm_rs.refine._road import PARAMETERS
+from ipm_rs.rig import Rig, RigLut
+
+__all__ = ["RigFit", "from_overlaps"]
+
+_MOST_INSTANTS = 16
+_REACH = 10.0
+"""How far around the cameras road is compared, in heights: beyond it a pixel shows metres of it."""
+_FINEST = 16.0
+"""Cells in a height: 6 cm below a fisheye at 0.9 m."""
+_LEAST_CORRELATION = 0.2
+"""Below which two views show no road alike."""
+_MOST_CELLS = 4_000_000
+
+
+@dataclass(frozen=True, eq=False)
+class RigFit:
+    """A rig whose poses were found from overlaps, and how well the pictures tell them."""
+
+    rig: Rig
+    """The rig with the poses with which the views agree, in the order of the given one."""
+    parameters: tuple[tuple[str, str], ...]
+    """What was found: (camera, parameter), of "roll", "pitch", "yaw" (radians, as `Camera.from_euler` takes them) and
+    "height" (metres)."""
+    covariance: NDArray[np.float64]
+    """(P, P) of the parameters."""
+    kept: dict[str, str]
+    """Cameras that stay as they were, and why: the fixed one, and those that share no road with the others."""
+    before: dict[tuple[str, str], float]
+    """Correlation of the views of each pair with the rig as it was given, the mean of the instants."""
+    after: dict[tuple[str, str], float]
+    """The same with the rig that was found."""
+    gains: dict[str, NDArray[np.float32]]
+    """How bright the cameras are beside each other, as `RigLut.warp` takes them, of the first instant."""
+    grid: BevGrid
+    """The road on which they were compared."""
+
+    @property
+    def deviations(self) -> dict[tuple[str, str], float]:
+        """Standard deviation of each parameter, in its unit."""
+        return {key: math.sqrt(max(v, 0.0)) for key, v in zip(self.parameters, np.diag(self.covariance), strict=True)}
+
+    def __str__(self) -> str:
+        off = self.deviations
+        lines = []
+        for name in dict.fromkeys(name for name, _ in self.parameters):
+            angles = ", ".join(f"{angle} +- {math.degrees(off[name, angle]):.3f}" for angle in PARAMETERS[:3])
+            lines.append(f"{name}: {angles} deg, height +- {off[name, 'height']:.3f} m")
+        lines += [f"{name} left as it was: {why}" for name, why in self.kept.items()]
+        for pair, score in self.after.items():
+            before = f", {self.before[pair]:.3f} before" if pair in self.before else ""
+            lines.append(f"{pair[0]} and {pair[1]} correlate with {score:.3f}{before}")
+        return "\n".join(lines)
+
+
+@guarded
+def from_overlaps(
+    rig: Rig,
+    images: Mapping[str, Any] | Iterable[Mapping[str, Any]],
+    *,
+    fixed: str | None = None,
+    grid: BevGrid | None = None,
+    ground: float | Plane = 0.0,
+) -> RigFit:
+    """Find roll, pitch, yaw and height of the cameras of a ring: those with which overlapping views of the road agree.
+
+    Parameters
+    ----------
+    rig : Rig
+        The cameras, up to 2 degrees and 10 % of the height off. What they mask, the own car above all, is
+        not looked at.
+    images : mapping of str to (H, W) or (H, W, 3) array, or an iterable of such mappings
+        The raw pictures of all cameras, of one instant or of up to 16: several tell more, on other road.
+    fixed : str, optional
+        The camera that stays and that the others are fitted to; the first if not given. What it is off by, all are in
+        the end.
+    grid : BevGrid, optional
+        The road that is compared, in the vehicle frame, in square cells, the finest. By default 10 heights around
+        the cameras, and cells of a sixteenth of the height.
+    ground : float or Plane
+        The road in the vehicle frame.
+
+    Returns
+    -------
+    RigFit
+        ``.rig``, ``.deviations``, ``.covariance``, ``.before``, ``.after``, ``.kept``, ``.gains``.
+
+    Raises
+    ------
+    ArgumentError, ArgumentTypeError
+        An unknown `fixed`, pictures that lack a camera, no two cameras that see the same road.
+    ImageError, DtypeError
+        A picture has another size than its camera's, or the road has no contrast.
+    CalibrationError
+        A camera is not above the road, or no two views agree whatever the poses.
+    """
+    if not isinstance(rig, Rig):
+        raise ArgumentTypeError(f"rig: expected an ipm_rs.Rig, got {type(rig).__name__}; write Rig({{name: camera}})")
+    names = list(rig)
+    held = names[0] if fixed is None else fixed
+    if not isinstance(held, str) or held not in names:
+        raise ArgumentError(f"fixed: expected the name of one of the cameras, {', '.join(names)}")
+    plane = ground if isinstance(ground, Plane) else Plane(
+        normal=(0.0, 0.0, 1.0), point=(0.0, 0.0, number_of("ground", ground, what=", metres, or a Plane"))
+    )  # fmt: skip
+    places = np.array([camera.position for camera in rig.values()])
+    heights = places[:, 2] - plane.height_at(places[:, :2])
+    if not (heights > 0).all():
+        low = names[int(np.argmin(heights))]
+        raise CalibrationError(
+            f"rig: expected cameras above the road, got {low!r} {heights.min():.3g} m above; give its height, "
+            "or ground= the road's"
+        )
+    height = float(np.median(heights))
+    area = _area(places, height) if grid is None else grid
+    if not isinstance(area, BevGrid):
+        raise ArgumentTypeError(f"grid: expected an ipm_rs.BevGrid, got {type(area).__name__}")
+    if area.shape[0] * area.shape[1] > _MOST_CELLS:
+        raise ArgumentError(f"grid: expected at most {_MOST_CELLS} cells, got {area.shape}; take larger ones")
+    if abs(area.resolution[0] - area.resolution[1]) > 1e-9 * area.resolution[0]:
+        raise ArgumentError(f"grid: expected square cells, got {area.resolution[0]:g} m x {area.resolution[1]:g} m")
+    given = _instants(images)
+    instants = [
+        {name: grey_of(f"images[{name!r}]", _picture(instant, name), camera) for name, camera in rig.items()}
+        for instant in given
+    ]
+    with warnings.catch_warnings():
+        # a camera that sees no cell, or stands oddly on the way, is none that the caller made
+        warnings.simplefilter("ignore", CalibrationWarning)
+        return _fitted(rig, Ring(rig, instants, held, plane, area, height))
+
+
+def _fitted(rig: Rig, ring: Ring) -> RigFit:
+    names, held = list(rig), ring.fixed
+    if not ring.pairs:
+        raise ArgumentError(
+            f"rig: expected cameras that see the same road as {held!r}, got none that share 100 cells of it; check "
+            "their poses, or pass a grid= farther out or of larger cells"
+        )
+    before = ring.agreement(ring.start)
+    state = ring.solved()
+    after = ring.agreement(state)
+    if not max(after.values(), default=0.0) >= _LEAST_CORRELATION:
+        flat = all(
+            float(picture.std()) < 1e-3 * max(abs(float(picture.mean())), 1e-9) for picture in ring.instants[0].values()
+        )
+        if flat:
+            raise ImageError("images: expected pictures with contrast, got the same brightness everywhere")
+        raise CalibrationError(
+            f"images: expected views that agree with some poses, but they correlate with "
+            f"{max(after.values(), default=0.0):.2f} at best; check the names, the instants and ground="
+        )
+    covariance = ring.covariance(state)
+    moved = {name: rig[name].with_pose(state[name].camera_from_vehicle) for name in ring.free}
+    found = Rig({name: moved.get(name, camera) for name, camera in rig.items()})
+    kept = {held: "the others are fitted to it"}
+    kept |= {name: "it shares no road with the others" for name in names if name != held and name not in ring.free}
+    return RigFit(
+        rig=found,
+        parameters=tuple((name, parameter) for name in ring.free for parameter in PARAMETERS),
+        covariance=covariance,
+        kept=kept,
+        before=before,
+        after=after,
+        gains=RigLut(found, ring.grids[2], ground=ring.ground).gains(ring.instants[0]),
+        grid=ring.area,
+    )
+
+
+def _area(places: NDArray[np.float64], height: float) -> BevGrid:
+    cell, reach = height / _FINEST, _REACH * height
+    low = places[:, :2].min(0) - reach
+    counts = np.round((places[:, :2].max(0) + reach - low) / cell)
+    if not float(counts.prod()) <= _MOST_CELLS:
+        raise ArgumentError("rig: expected cameras of one vehicle, got some that are far apart; pass grid=")
+    high = low + counts * cell
+    return BevGrid(x=(low[0], high[0]), y=(low[1], high[1]), resolution=cell)
+
+
+def _instants(images: Any) -> list[Mapping[str, Any]]:
+    if isinstance(images, Mapping):
+        return [images]
+    try:
+        listed = list(islice(images, _MOST_INSTANTS + 1))
+    except MemoryError:
+        raise
+    except Exception as error:  # `__iter__` raises what it likes
+        raise ArgumentTypeError(
+            f"images: expected pictures by the cameras' names, or a list of such, got {type(images).__name__}"
+        ) from error
+    if not 1 <= len(listed) <= _MOST_INSTANTS:
+        raise ArgumentError(f"images: expected 1 to {_MOST_INSTANTS} instants, got {len(listed)}; choose some")
+    for instant in listed:
+        if not isinstance(instant, Mapping):
+            raise ArgumentTypeError(
+                f"images: expected pictures by the cameras' names, got {type(instant).__name__}; pass a list of dicts"
+            )
+    return listed
+
+
+def _picture(instant: Mapping[str, Any], name: str) -> Any:
+    try:
+        return instant[name]
+    except KeyError:
+        raise ArgumentError(
+            f"images: expected a picture of every camera, got none of {name!r}; leave the camera out with rig.subset()"
+        ) from None

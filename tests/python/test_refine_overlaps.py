@@ -1,0 +1,93 @@
+"""`refine.from_overlaps`: the poses of a ring from the road that two cameras see at once."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from helpers import refuses
+
+import ipm_rs
+from ipm_rs import errors, refine, scene
+from ipm_rs.refine._motion import angles_of
+from ipm_rs.refine._ring import Ring
+
+K = [[120.0, 0, 127.5], [0, 120.0, 95.5], [0, 0, 1]]
+GRID = ipm_rs.BevGrid(x=(-1, 7), y=(-1, 7), resolution=0.1)
+
+
+def camera(yaw, x=0.0, y=0.0, *, roll=0.0, pitch=0.6, height=1.5) -> ipm_rs.Camera:
+    return ipm_rs.Camera.from_euler(
+        K, image_size=(256, 192), position=(x, y, height), roll=roll, pitch=pitch, yaw=np.radians(yaw)
+    )
+
+
+TRUE = {"front": camera(0, 1.0), "left": camera(70, 0.8, 0.4), "back": camera(180, -1.0)}
+GIVEN = ipm_rs.Rig({**TRUE, "left": camera(71, 0.8, 0.4, roll=-0.015, pitch=0.62, height=1.42)})
+
+
+@pytest.fixture(scope="module")
+def images() -> dict[str, np.ndarray]:
+    random = np.random.default_rng(1)
+    gains = {"front": 0.8, "left": 0.9, "back": 1.0}
+    seen = {name: scene.render(each) * gains[name] for name, each in TRUE.items()}
+    return {
+        name: np.clip(each + random.normal(0, 2, each.shape), 0, 255).astype(np.uint8) for name, each in seen.items()
+    }
+
+
+def values(camera: ipm_rs.Camera) -> np.ndarray:
+    return np.array([*np.degrees(angles_of(camera.vehicle_from_camera)), camera.position[2]])
+
+
+def test_the_camera_beside_is_found(images):
+    found = refine.from_overlaps(GIVEN, images, fixed="front", grid=GRID)
+    off = values(found.rig["left"]) - values(TRUE["left"])
+    assert np.abs(off[:3]).max() < 0.1 and abs(off[3]) < 0.02, off
+    assert found.rig["front"] == TRUE["front"] and found.rig["back"] == TRUE["back"]
+    assert set(found.kept) == {"front", "back"} and "no road" in found.kept["back"]
+    pair = ("front", "left")
+    assert list(found.after) == [pair] and found.after[pair] > 0.95 > 0.7 > found.before[pair]
+    assert found.parameters == tuple(("left", name) for name in ("roll", "pitch", "yaw", "height"))
+    deviations = np.array(list(found.deviations.values())) * ([180 / np.pi] * 3 + [1.0])
+    assert (np.abs(off) < 4 * deviations).all() and deviations.max() < 0.1, (off, deviations)
+    assert 1.05 < (found.gains["front"] / found.gains["left"]).mean() < 1.2
+    assert "left" in str(found) and "correlate" in str(found)
+
+
+def test_derivatives_are_those_of_the_views():
+    """On a picture that changes slowly the view is smooth: what remains is the geometry."""
+    v, u = np.mgrid[:192, :256].astype(np.float32)
+    smooth = {name: np.sin(u / 23) + np.cos(v / 19) for name in ("front", "left")}
+    rig = {name: TRUE[name] for name in smooth}
+    ring = Ring(rig, [smooth], "front", ipm_rs.Plane(normal=(0.02, -0.01, 1)), GRID, 1.5)
+    chosen = ring._chosen(ring.start, 1)
+    view = ring.views(ring.start, 1, chosen)["left"]
+    for column in range(4):
+        step = np.zeros(4)
+        step[column] = 1e-3
+        ends = [ring.views(ring._moved(ring.start, sign * step), 1, chosen)["left"].pictures[0] for sign in (1, -1)]
+        differences = ((ends[0] - ends[1]) / 2e-3)[chosen["front", "left"]]
+        np.testing.assert_allclose(view.slopes[0][:, column], differences, atol=0.05 * np.abs(differences).max())
+
+
+def test_what_the_pictures_do_not_tell(images):
+    with refuses(errors.ArgumentError, "same road"):
+        refine.from_overlaps(GIVEN.subset(["front", "back"]), images, grid=GRID)
+    with refuses(errors.ArgumentError, "fixed"):
+        refine.from_overlaps(GIVEN, images, fixed="top", grid=GRID)
+    with refuses(errors.ArgumentError, "none of 'left'"):
+        refine.from_overlaps(GIVEN, {"front": images["front"]}, grid=GRID)
+    with refuses(errors.ImageError, "contrast"):
+        refine.from_overlaps(GIVEN, {name: np.full_like(image, 80) for name, image in images.items()}, grid=GRID)
+    with refuses(errors.ImageError, "256x192"):
+        refine.from_overlaps(GIVEN, {**images, "left": images["left"][:-1]}, grid=GRID)
+    with refuses(errors.CalibrationError, "above the road"):
+        refine.from_overlaps(GIVEN, images, ground=3.0)
+    with refuses(errors.ArgumentError, "square"):
+        refine.from_overlaps(GIVEN, images, grid=ipm_rs.BevGrid(x=(0, 4), y=(0, 4), resolution=(0.1, 0.2)))
+    with refuses(errors.ArgumentError, "instants"):
+        refine.from_overlaps(GIVEN, [], grid=GRID)
+    with refuses(errors.ArgumentTypeError, "names"):
+        refine.from_overlaps(GIVEN, [images["front"]], grid=GRID)
+    with refuses(errors.ArgumentTypeError, "rig"):
+        refine.from_overlaps("rig", images)
