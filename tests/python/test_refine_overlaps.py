@@ -91,3 +91,11 @@ def test_what_the_pictures_do_not_tell(images):
         refine.from_overlaps(GIVEN, [images["front"]], grid=GRID)
     with refuses(errors.ArgumentTypeError, "rig"):
         refine.from_overlaps("rig", images)
+
+
+def test_a_fit_that_went_astray_is_refused(images, monkeypatch):
+    """A pair may gain what another loses, where what they see is not flat."""
+    scores = iter([{("front", "left"): 0.85, ("left", "back"): 0.7}, {("front", "left"): 0.6, ("left", "back"): 0.8}])
+    monkeypatch.setattr(Ring, "agreement", lambda self, state: next(scores))
+    with refuses(errors.CalibrationError, "'front' and 'left' correlate with 0.60, 0.85 before"):
+        refine.from_overlaps(GIVEN, images, fixed="front", grid=GRID)
