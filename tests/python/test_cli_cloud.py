@@ -140,7 +140,7 @@ def test_no_point_on_the_grid_is_said(here, capsys):
         ("depth.npy", ["expected -o or --bev"]),
         ("none.npy -o a.ply", ["none.npy", "found none"]),
         ("rgb.txt -o a.ply", ["rgb.txt"]),
-        ("depth.npy -o a.las", ["a.las", ".ply"]),
+        ("depth.npy -o a.obj", ["a.obj", ".ply"]),
         ("depth.npy --bev a.gif", ["a.gif", ".png"]),
         ("depth.npy -o camera.json", ["camera.json", "input"]),
         ("depth.npy -o there.ply", ["there.ply", "exists", "--force"]),

@@ -154,7 +154,8 @@ MATRIX = "K: !!opencv-matrix\n   rows: {rows}\n   cols: {cols}\n   dt: {dt}\n   
         ({"data": "[1., x]"}, ["K: data", "'x'"]),
         ({"data": "[1., true]"}, ["K: data", "True"]),
         ({"data": "7"}, ["K: data", "7"]),
-        ({"data": "[[1., 2.]]"}, ["K: data"]),
+        ({"data": "[[1., 2.], [3., 4.]]"}, ["K: data", "[1.0, 2.0]"]),
+        ({"data": "[[1.], [2., 3.]]"}, ["K: data", "[1.0]"]),
     ],
 )
 def test_matrices_that_are_none(change, phrases):
