@@ -22,6 +22,8 @@ _MOST_SAMPLES = 500  # half of the points wrong: four right ones among them with
 class Homography:
     """A plane in metres as a picture without a lens shows it: a sports field, a river, the ground below a drone.
 
+    `Lut.from_homography(homography.matrix, grid=grid, source_size=size)` goes on to the bird's-eye view.
+
     Parameters
     ----------
     matrix : (3, 3) array, float64
@@ -30,8 +32,6 @@ class Homography:
         Pixels from each point that it was made of to where it puts it; empty if it was made of none.
     used : (N,) array, bool
         Which of them it fits; the others are taken for mistakes.
-
-    `Lut.from_homography(homography.matrix, grid=grid, source_size=size)` goes on to the bird's-eye view.
     """
 
     matrix: NDArray[np.float64]
