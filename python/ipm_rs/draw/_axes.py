@@ -198,7 +198,11 @@ def _steps(grid: BevGrid, size: tuple[int, int], font_size: float) -> tuple[floa
         style.nice_step(length, pixels / room) for length, pixels in zip(lengths, (size[1], size[0]), strict=True)
     )
     both = max(along_x, along_y)
-    return tuple(both if length / both >= 2 else own for own, length in zip((along_x, along_y), lengths, strict=True))  # type: ignore[return-value]
+
+    def step(own: float, length: float) -> float:
+        return both if length / both >= 2 else own
+
+    return step(along_x, lengths[0]), step(along_y, lengths[1])
 
 
 @functools.lru_cache(maxsize=4)

@@ -36,7 +36,7 @@ class Frame:
         Where the vehicle was.
     """
 
-    image: NDArray[Any]
+    image: Any
     name: str
     index: int
     timestamp: float | None = None

@@ -140,4 +140,4 @@ def _load(
         lead = frame if lead is None else lead
     if lead is None:
         raise FileError(f"{path}: frame {ticket.name}: expected a picture of some camera, got none that can be read")
-    return Frame(pictures, ticket.name, ticket.index, ticket.timestamp, None, lead.map_from_vehicle)  # type: ignore[arg-type]
+    return Frame(pictures, ticket.name, ticket.index, ticket.timestamp, None, lead.map_from_vehicle)
