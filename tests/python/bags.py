@@ -56,8 +56,13 @@ class Bag:
         pack = self.store.serialize_ros1 if self.kind == "bag" else self.store.serialize_cdr
         self.writer.write(self.connections[topic], round(logged * 1e9), pack(message, message.__msgtype__))
 
-    def image(self, topic, pixels, encoding, stamp, *, frame="cam", size=None, big=False, padding=0, logged=None):
-        """An Image message of an array of bytes or samples; `size` where the array is not shaped like it."""
+    def image(
+        self, topic, pixels, encoding, stamp, *, frame="cam", size=None, height=None, big=False, padding=0, logged=None
+    ):
+        """An Image message of an array of bytes or samples; `size` where the array is not shaped like it.
+
+        `height` where it has more rows than the picture: planes of chroma.
+        """
         rows, cols = (size[1], size[0]) if size else pixels.shape[:2]
         if big:
             pixels = pixels.astype(pixels.dtype.newbyteorder(">"))
@@ -65,7 +70,7 @@ class Bag:
         lines = np.pad(lines, [(0, 0), (0, padding)])
         message = self.store.types["sensor_msgs/msg/Image"](
             header=self.header(stamp, frame),
-            height=rows,
+            height=height or rows,
             width=cols,
             encoding=encoding,
             is_bigendian=int(big),

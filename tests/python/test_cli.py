@@ -491,19 +491,15 @@ def test_wrong_commands(here: Path, capsys: pytest.CaptureFixture[str], command:
 
 
 @pytest.mark.filterwarnings("default::ipm_rs.CalibrationWarning")
-def test_nothing_seen_is_a_warning_with_its_reason(
-    warp: Callable[..., int], capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert warp("frame.png", "-o", "bev.png", "--x", "-50", "-7", "--border-value", "9", "--quiet") == 0
+def test_nothing_seen_is_refused_with_its_reason(warp: Callable[..., int], capsys: pytest.CaptureFixture[str]) -> None:
+    """A picture of the border's value alone would be of no use to anybody."""
+    assert warp("frame.png", "-o", "bev.png", "--x", "-50", "-7", "--border-value", "9", "--quiet") == 2
     message = capsys.readouterr().err
-    assert message.startswith(
-        "ipm-rs: warning: no cell of the grid is seen by the camera: camera at (1.70, 0.03, 1.21)"
-    )
+    assert message.startswith("ipm-rs: error: no cell of the grid is seen by the camera: camera at (1.70, 0.03, 1.21)")
     assert "looks 0.6 degrees to the right of +x and 2.2 degrees down; the whole grid is behind it" in message
-    assert np.all(load("bev.png") == 9)
-    assert warp("frame.png", "-o", "bev.png", "--force", "--y", "90", "110") == 0
-    assert "the grid is outside its image" in capsys.readouterr().err
-    assert warp("frame.png", "-o", "bev.png", "--force", "--ground", "5") == 0
+    assert warp("frame.png", "-o", "bev.png", "--y", "90", "110") == 2
+    assert "the grid is outside its image" in capsys.readouterr().err and not Path("bev.png").exists()
+    assert warp("frame.png", "-o", "bev.png", "--ground", "5") == 0
     assert "warning: the camera, 1.2124 m high, is not above the road at 5 m" in capsys.readouterr().err
 
 

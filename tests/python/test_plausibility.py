@@ -180,12 +180,17 @@ def test_the_command_line_says_it_in_a_line(tmp_path):
     words += ["--x", "4", "24", "--y", "-5", "5", "--resolution", "0.25"]
     run = {"cwd": tmp_path, "capture_output": True, "text": True}
     done = subprocess.run([sys.executable, "-m", "ipm_rs", *words], **run)
+    assert done.returncode == 2, done.stderr
+    assert done.stderr.startswith("ipm-rs: error: no cell") and done.stderr.count("\n") == 1, done.stderr
+    camera(pitch=-0.1).save(tmp_path / "camera.json")
+    words += ["--ground", "5"]  # under its road, which some ceilings are
+    done = subprocess.run([sys.executable, "-m", "ipm_rs", *words], **run)
     assert done.returncode == 0, done.stderr
-    assert done.stderr.startswith("ipm-rs: warning: no cell") and done.stderr.count("\n") == 1, done.stderr
+    assert done.stderr.startswith("ipm-rs: warning: the camera") and done.stderr.count("\n") == 1, done.stderr
     (tmp_path / "bev.png").unlink()
     code = "import sys, warnings, ipm_rs.cli; warnings.simplefilter('error', ipm_rs.CalibrationWarning); "
     code += f"sys.exit(ipm_rs.cli.main({words!r}))"
     done = subprocess.run([sys.executable, "-c", code], **run)
     assert done.returncode == 2, done.stderr
-    assert done.stderr.startswith("ipm-rs: error: no cell") and done.stderr.count("\n") == 1, done.stderr
+    assert done.stderr.startswith("ipm-rs: error: the camera") and done.stderr.count("\n") == 1, done.stderr
     assert not (tmp_path / "bev.png").exists()

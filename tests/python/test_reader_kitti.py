@@ -123,6 +123,16 @@ def test_projections_alone_serve_the_camera_frame():
         kitti.read(only, image_size=SIZE)
 
 
+def test_a_file_of_the_grey_cameras_alone_is_recognised(tmp_path):
+    rows = "".join(f"{key}: {' '.join(map(str, golden.KITTI[key]))}\n" for key in ("P0", "P1"))
+    (tmp_path / "calib.txt").write_text(rows)
+    camera = ipm_rs.Camera.load(tmp_path / "calib.txt", SIZE, camera=1, frame="camera")
+    assert camera == kitti.read(golden.KITTI, camera=1, image_size=SIZE, frame="camera")
+    assert list(ipm_rs.Rig.load(tmp_path / "calib.txt", image_size=SIZE, frame="camera")) == ["P0", "P1"]
+    with refuses(errors.CalibrationError, "P2 for camera=2", "cameras 0, 1", "camera=0"):
+        ipm_rs.Camera.load(tmp_path / "calib.txt", SIZE, frame="camera")
+
+
 @pytest.mark.parametrize("camera", [2, "2", "02", "P2", "image_2", "image_02", np.int64(2)], ids=repr)
 def test_camera_by_name_or_number(camera):
     assert kitti.read(golden.KITTI, camera=camera, image_size=SIZE) == kitti.read(golden.KITTI, image_size=SIZE)

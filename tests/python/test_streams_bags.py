@@ -164,18 +164,90 @@ def test_yuv_is_as_opencv_has_it(tmp_path, encoding, theirs):
     assert np.abs(found.astype(int) - expected).max() <= 1
 
 
-def test_compressed_pictures(tmp_path):
-    def packed(pixels, form) -> bytes:
-        buffer = io.BytesIO()
-        Image.fromarray(pixels).save(buffer, form, **({"quality": 95} if form == "JPEG" else {}))
-        return buffer.getvalue()
+@pytest.mark.parametrize("encoding", ["nv12", "nv21"])
+def test_planes_of_luma_and_chroma_are_as_opencv_has_them(tmp_path, encoding):
+    stored = textured(18, 16)  # 12 rows of luma, 6 of chroma
+    expected = cv2.cvtColor(stored, getattr(cv2, f"COLOR_YUV2RGB_{encoding.upper()}"))
+    for number, padding in enumerate((0, 5)):
+        (tmp_path / str(number)).mkdir()
+        found = one(tmp_path / str(number), stored, encoding, height=12, padding=padding)
+        assert found.shape == (12, 16, 3) and np.abs(found.astype(int) - expected).max() <= 1
 
+
+@pytest.mark.parametrize(("encoding", "order"), [("nv24", 1), ("nv42", -1)])
+def test_chroma_for_every_pixel(tmp_path, encoding, order):
+    luma, chroma = textured(12, 16), textured(12, 16, 2)
+    stored = np.concatenate([luma, chroma.reshape(24, 16)])
+    u, v = np.moveaxis(chroma[..., ::order], -1, 0)
+    pairs = np.stack([luma, u, luma, v], -1).reshape(12, 32, 2)  # each pixel twice, as YUYV has two of one chroma
+    expected = cv2.cvtColor(pairs, cv2.COLOR_YUV2RGB_YUY2)[:, ::2]
+    assert np.abs(one(tmp_path, stored, encoding, height=12).astype(int) - expected).max() <= 1
+
+
+def packed(pixels, form) -> bytes:
+    buffer = io.BytesIO()
+    Image.fromarray(pixels).save(buffer, form, **({"quality": 95} if form == "JPEG" else {}))
+    return buffer.getvalue()
+
+
+def rvl(depths: np.ndarray) -> bytes:
+    """What the paper's encoder makes: numbers in groups of three bits, nibbles in words from the highest on."""
+    nibbles: list[int] = []
+
+    def put(number: int) -> None:
+        while True:
+            group, number = number & 7, number >> 3
+            nibbles.append(group | (8 if number else 0))
+            if not number:
+                return
+
+    flat, place, before = depths.ravel().astype(int), 0, 0
+    while place < len(flat):
+        zeros = next((k for k, depth in enumerate(flat[place:]) if depth), len(flat) - place)
+        place += zeros
+        others = next((k for k, depth in enumerate(flat[place:]) if not depth), len(flat) - place)
+        put(zeros)
+        put(others)
+        for depth in flat[place : place + others]:
+            put(2 * (depth - before) if depth >= before else 2 * (before - depth) - 1)
+            before = depth
+        place += others
+    words = [int("".join(f"{n:x}" for n in (nibbles[k : k + 8] + [0] * 8)[:8]), 16) for k in range(0, len(nibbles), 8)]
+    return np.array([*depths.shape[::-1]], "<i4").tobytes() + np.array(words, "<u4").tobytes()
+
+
+@pytest.mark.parametrize("form", ["png", "rvl", ""])
+def test_depth_of_the_transport_for_depth(tmp_path, form):
+    depths = np.where(textured(12, 16) < 90, 0, DEEP).astype(np.uint16)
+    pack = rvl if form == "rvl" else lambda stored: packed(stored, "PNG")
+    metres = np.linspace(0.4, 9, 12 * 16, dtype=np.float32).reshape(12, 16)
+    a, b = 100.0 * 101, 100.0 / 10 + 1 - 100.0 * 101 / 100  # whatever: the two are the message's own
+    stored = np.where(textured(12, 16) < 90, 0, np.rint(a / metres + b)).astype(np.uint16)
+    with Bag(tmp_path / "run.bag", "bag") as bag:
+        head = np.array([0], "<i4").tobytes()
+        bag.compressed("/raw", head + bytes(8) + pack(depths), f"16UC1; compressedDepth {form}".strip(), 1.0)
+        parameters = np.array([a, b], "<f4").tobytes()
+        bag.compressed("/metres", head + parameters + pack(stored), f"32FC1; compressedDepth {form}".strip(), 1.0)
+        for k, data in enumerate((head + bytes(8) + pack(depths)[:60], head + bytes(8), b"", b"1" * 80)):
+            bag.compressed(f"/short{k}", data, f"16UC1; compressedDepth {form}", 1.0)
+    raw = next(iter(streams.open(tmp_path / "run.bag", topic="/raw"))).image
+    assert raw.dtype == np.uint16 and np.array_equal(raw, depths)
+    found = next(iter(streams.open(tmp_path / "run.bag", topic="/metres"))).image
+    assert found.dtype == np.float32 and np.array_equal(np.isnan(found), stored == 0)
+    assert np.nanmax(np.abs(found - metres)) < 0.01
+    for k in range(4):
+        with refuses((errors.ImageError, errors.FileError), f"/short{k}"):
+            streams.open(tmp_path / "run.bag", topic=f"/short{k}")
+
+
+def test_compressed_pictures(tmp_path):
     smooth = np.add.outer(np.arange(48), np.arange(64)).astype(np.uint8)
     with Bag(tmp_path / "run", "mcap") as bag:
         bag.compressed("/png/compressed", packed(RGB, "PNG"), "bgr8; png compressed bgr8", 1.0)
         bag.compressed("/deep/compressed", packed(DEEP, "PNG"), "16UC1; png compressed", 1.0)
         bag.compressed("/jpeg/compressed", packed(smooth, "JPEG"), "jpeg", 1.0)
-        bag.compressed("/depth/compressedDepth", b"0" * 40, "16UC1; compressedDepth", 1.0)
+        bag.compressed("/bayer/compressed", packed(GREY, "PNG"), "bayer_rggb8; png compressed ", 1.0)
+        bag.compressed("/depth/compressedDepth", b"0" * 40, "8UC3; compressedDepth", 1.0)
         bag.info("/jpeg/camera_info", K, (64, 48), 1.0)
         for k, data in enumerate((packed(GREY, "PNG"), packed(GREY, "PNG")[:60], packed(GREY, "PNG"))):
             bag.compressed("/some/compressed", data, "png", 1.0 + k)
@@ -184,7 +256,9 @@ def test_compressed_pictures(tmp_path):
     assert np.array_equal(next(iter(streams.open(path, topic="/deep/compressed"))).image, DEEP)
     frame = next(iter(streams.open(path, topic="/jpeg/compressed")))
     assert np.abs(frame.image.astype(int) - smooth).max() <= 4 and frame.camera is not None
-    with refuses(errors.ImageError, "compressedDepth"):
+    colours = next(iter(streams.open(path, topic="/bayer/compressed"))).image
+    assert colours.shape == (12, 16, 3) and np.array_equal(colours[::2, ::2, 0], GREY[::2, ::2])
+    with refuses(errors.ImageError, "8UC3; compressedDepth"):
         streams.open(path, topic="/depth/compressedDepth")
     table = ipm_rs.Lut.from_maps(np.zeros((2, 2)), np.zeros((2, 2)), source_size=(16, 12))
     summary = streams.warp(streams.open(path, topic="/some/compressed"), table, tmp_path / "out")
@@ -210,13 +284,18 @@ def test_what_is_wrong_with_a_frame_is_told_of_it_alone(tmp_path):
 
 
 def test_encodings_and_arguments_that_are_unknown(tmp_path):
-    for encoding in ("nv12", "8UC3", "bayer_rggb12"):
+    for encoding in ("h264", "8UC3", "bayer_rggb12"):
         with Bag(tmp_path / f"{encoding}.bag", "bag") as bag:
             bag.image("/image", GREY, encoding, 1.0)
         with refuses(errors.ImageError, encoding, "bayer_rggb8"):
             streams.open(tmp_path / f"{encoding}.bag")
     with Bag(tmp_path / "odd.bag", "bag") as bag:
         bag.image("/image", textured(4, 5, 2), "yuyv", 1.0)
+    for name, rows, phrase in (("odd", 5, "even width and height"), ("short", 8, "cut short")):
+        with Bag(tmp_path / f"{name}_nv12.bag", "bag") as bag:
+            bag.image("/image", textured(9, 16), "nv12", 1.0, height=rows)
+        with refuses(errors.ImageError, phrase):
+            streams.open(tmp_path / f"{name}_nv12.bag")
     with refuses(errors.ImageError, "even width"):
         streams.open(tmp_path / "odd.bag")
     for options, error in (

@@ -282,6 +282,36 @@ def test_the_command_takes_a_drive_and_its_own_calibration(raw, tmp_path, capsys
         assert phrase in capsys.readouterr().err and not (tmp_path / "x").exists()
 
 
+def test_a_drive_knows_where_its_road_lies(raw, odometry, tmp_path, capsys):
+    size = streams.open(raw).size
+    for k in range(4):
+        picture(raw / "image_02" / "data" / f"{k:010}.png", 10 + k, size)
+    assert [streams.open(raw, frame=frame).ground for frame in ("velodyne", "imu", "camera")] == [-1.73, -0.93, -1.65]
+    assert streams.open(odometry, every=2).ground == -1.73
+    grid = ["--x", "7", "20", "--y", "-4", "4", "--resolution", "0.5"]
+    for name, more in (("own", []), ("given", ["--ground", "-1.73"])):
+        assert main(["warp", str(raw), str(raw), "-o", str(tmp_path / name), *grid, *more]) == 0
+    told = capsys.readouterr().out.splitlines()
+    assert "road at -1.73 m" in told[0] and "--ground" in told[0] and len(told) == 3
+    own, given = (sorted((tmp_path / name).iterdir()) for name in ("own", "given"))
+    assert [path.read_bytes() for path in own] == [path.read_bytes() for path in given] and len(own) == 4
+
+
+def test_grey_cameras_without_a_lidar_see_the_road(tmp_path, capsys):
+    """`calib.txt` of P0 and P1 alone: the vehicle frame is the camera's, 1.65 m above the road."""
+    (tmp_path / "image_0").mkdir()
+    (tmp_path / "calib.txt").write_text("".join(f"P{k}: 70 0 60 0 0 70 18 0 0 0 1 0\n" for k in range(2)))
+    picture(tmp_path / "image_0" / "0.png", 1, (120, 37))
+    grid = ["--x", "7", "20", "--y", "-4", "4", "--resolution", "0.5", "-o", str(tmp_path / "bevs")]
+    assert main(["warp", str(tmp_path), str(tmp_path), *grid]) == 0
+    assert "road at -1.65 m" in capsys.readouterr().out and (tmp_path / "bevs" / "0_bev.png").is_file()
+    file = str(tmp_path / "calib.txt")
+    options = ["--camera", "0", "--vehicle-frame", "camera", "--image-size", "120", "37"]
+    assert main(["warp", file, str(tmp_path), *grid[:-1], str(tmp_path / "none"), *options]) == 2
+    assert "edge-on" in (told := capsys.readouterr().err) and "here: --ground" in told
+    assert not (tmp_path / "none").exists()
+
+
 def test_a_real_drive_of_kitti(shared_data, tmp_path):
     """51 frames of 60 m with their poses, laid out as the dataset has them."""
     source, place = shared_data / "drive_kitti", tmp_path / "sequences" / "07"

@@ -27,10 +27,13 @@ from ipm_rs.calibration._checks import Section, describe, listed, pinhole, quate
 from ipm_rs.calibration._files import Document, Source, open_document
 from ipm_rs.errors import ArgumentError, ArgumentTypeError, CalibrationError, MissingExtraError
 
-__all__ = ["KEYS", "TITLE", "cameras", "missing", "read"]
+__all__ = ["GROUND", "KEYS", "TITLE", "cameras", "missing", "read"]
 
 TITLE = "Argoverse 2"
 KEYS = ("fx_px", "fy_px", "cx_px", "cy_px", "width_px", "height_px", "sensor_name", "tx_m", "ty_m", "tz_m")
+
+GROUND = -0.33
+"""Height of the road in the vehicle frame in metres, fitted to laser points."""
 
 _INTRINSICS, _POSES = "intrinsics", "egovehicle_SE3_sensor"
 _NUMBERS = ("fx_px", "fy_px", "cx_px", "cy_px", "width_px", "height_px")

@@ -44,12 +44,15 @@ from ipm_rs.calibration._files import Document, Source, needs_size, open_documen
 from ipm_rs.calibration._lines import key_lines, lines_missing
 from ipm_rs.errors import ArgumentError, ArgumentTypeError, CalibrationError
 
-__all__ = ["KEYS", "TITLE", "Frame", "camera_number", "cameras", "missing", "projection", "read"]
+__all__ = ["GROUND", "KEYS", "TITLE", "Frame", "camera_number", "cameras", "missing", "projection", "read"]
 
 TITLE = "KITTI"
 KEYS = ("P0", "P3", "R0_rect", "Tr_velo_to_cam", "Tr_imu_to_velo", "Tr", "R_rect", "Tr_velo_cam")
 
 Frame = Literal["velodyne", "imu", "camera", "road"]
+
+GROUND: dict[Frame, float] = {"velodyne": -1.73, "imu": -0.93, "camera": -1.65, "road": 0.0}
+"""Height of the road in each frame in metres, nominal."""
 
 _SIZES = (
     "KITTI's rectified images are 1242x375, on some days 1241x376, 1238x374, 1226x370 or 1224x370: take the image's"
@@ -103,6 +106,12 @@ def read(
     else:
         place = key_lines(open_document(source, TITLE, or_mapping=True))
     place.nearest = nearest_rotation
+    held = [str(k) for k in range(4) if f"P{k}" in place]
+    if held and str(index) not in held:
+        raise CalibrationError(
+            f"{place.origin}: expected P{index} for camera={index}, got a file of cameras {', '.join(held)}; pass "
+            f"camera={held[0]}, and the images of that camera"
+        )
     K, offset = projection(place, f"P{index}")
     rectified_from_vehicle = _pose(place, frame)
     size = needs_size(image_size, place.origin, _SIZES)
@@ -111,8 +120,10 @@ def read(
 
 
 def missing(document: Document) -> str | None:
-    """Say what a document lacks to be of this format."""
-    return lines_missing(document, "P0", "P1", "P2", "P3")
+    """Say what a document lacks to be of this format: sequences of grey cameras have P0 and P1 alone."""
+    keys = ("P0", "P1", "P2", "P3")
+    some = any(lines_missing(document, key) is None for key in keys)
+    return None if some else lines_missing(document, *keys)
 
 
 def cameras(document: Document) -> list[str]:

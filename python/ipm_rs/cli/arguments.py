@@ -134,6 +134,7 @@ _HERE = {
     "frame=": "--vehicle-frame NAME",
     "metres_per_unit=": "--metres-per-unit N",
     "nearest_rotation=": "--nearest-rotation",
+    "camera=": "--camera NAME",
 }
 
 
@@ -208,10 +209,15 @@ def add_grid(
     return grid
 
 
-def add_ground(grid: argparse._ArgumentGroup) -> None:
-    """Add the height of the road."""
+def add_ground(grid: argparse._ArgumentGroup, *, of_drives: bool = False) -> None:
+    """Add the height of the road; with `of_drives` it is None where it is not given, for datasets that know theirs."""
+    known = ", or a drive's own where its dataset says it" if of_drives else ""
     grid.add_argument(
-        "--ground", metavar="HEIGHT", type=real, default=0.0, help="height z of the road in metres (default: 0)"
+        "--ground",
+        metavar="HEIGHT",
+        type=real,
+        default=None if of_drives else 0.0,
+        help=f"height z of the road in metres (default: 0{known})",
     )
 
 

@@ -12,6 +12,7 @@ import numpy as np
 import ipm_rs
 from ipm_rs.cli.arguments import check_output, load_camera_sized
 from ipm_rs.cli.printing import emit, error_line, no_progress, progress_bar
+from ipm_rs.cli.tables import table_of
 from ipm_rs.errors import ArgumentError, FileError, IpmError
 from ipm_rs.files import images
 from ipm_rs.ray._files import RECORDS
@@ -48,7 +49,7 @@ def run(args: argparse.Namespace, grid: ipm_rs.BevGrid, options: dict[str, Any])
     if args.mask is not None:
         images.check_format(args.mask, "L", "the mask")
         check_output(args.mask, may_exist=args.force)
-    lut = ipm_rs.Lut(load_camera_sized(args), grid, ground=args.ground)
+    lut = table_of(load_camera_sized(args), grid, args.ground)
     options.pop("threads")
     summary = _warp(args, lut, options)
     if args.mask is not None:

@@ -17,6 +17,7 @@ from ipm_rs.cli.arguments import (
     resolution,
 )
 from ipm_rs.cli.printing import emit
+from ipm_rs.cli.tables import table_of
 from ipm_rs.errors import ArgumentError
 from ipm_rs.files import luts
 
@@ -71,7 +72,7 @@ def run(args: argparse.Namespace) -> None:
     check_output(args.output, may_exist=args.force)
     camera = load_camera_sized(args)
     grid = ipm_rs.BevGrid(x=args.x, y=args.y, resolution=resolution(args.resolution), sample_at=args.sample_at)
-    lut = ipm_rs.Lut(camera, grid, ground=args.ground)
+    lut = table_of(camera, grid, args.ground)
     if own:
         lut.save(args.output)
     else:

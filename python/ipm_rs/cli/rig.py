@@ -27,6 +27,7 @@ from ipm_rs.cli.arguments import (
     value,
 )
 from ipm_rs.cli.printing import Progress, emit, error_line, no_progress, progress_bar
+from ipm_rs.cli.tables import check_sees
 from ipm_rs.errors import ArgumentError, FileError, ImageError, IpmError
 from ipm_rs.files import images
 
@@ -159,6 +160,7 @@ def run(args: argparse.Namespace) -> None:
         blend=args.blend,
         feather=args.feather,
     )
+    check_sees(lut)
     options: dict[str, Any] = {
         "interpolation": args.interpolation,
         "border_value": args.border_value[0] if len(args.border_value) == 1 else tuple(args.border_value),

@@ -14,6 +14,8 @@ import ipm_rs
 from ipm_rs import draw, streams
 from ipm_rs.cli.arguments import check_output, load_camera_sized
 from ipm_rs.cli.frames import check_destination, conclude, warped
+from ipm_rs.cli.printing import emit
+from ipm_rs.cli.tables import table_of
 from ipm_rs.errors import ArgumentError, CalibrationError, FileError, ImageError
 from ipm_rs.files import images
 from ipm_rs.streams import folder
@@ -96,8 +98,14 @@ def run(args: argparse.Namespace, grid: ipm_rs.BevGrid, options: dict[str, Any])
         check_output(args.mask_video, may_exist=args.force)
         if os.path.realpath(args.mask_video) == os.path.realpath(output):
             raise ArgumentError(f"{output}: expected a name of its own for --mask-video, got the output's; rename one")
-    lut = ipm_rs.Lut(camera, grid, ground=args.ground)
-    tables = lut if args.poses is None else streams.per_frame(camera, grid, args.poses, ground=args.ground)
+    ground = args.ground
+    if ground is None and own and stream.ground is not None:
+        ground = stream.ground
+        if not args.quiet:
+            emit(f"{source}  road at {ground:g} m, as the dataset has it; --ground gives another height")
+    ground = ground or 0.0
+    lut = table_of(camera, grid, ground, may_be_empty=args.poses is not None)
+    tables = lut if args.poses is None else streams.per_frame(camera, grid, args.poses, ground=ground)
     summary = warped(
         stream,
         tables,

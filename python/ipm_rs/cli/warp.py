@@ -32,6 +32,7 @@ from ipm_rs.cli.arguments import (
 )
 from ipm_rs.cli.printing import Progress, emit, error_line, no_progress, progress_bar
 from ipm_rs.cli.stream import with_axes
+from ipm_rs.cli.tables import table_of
 from ipm_rs.errors import ArgumentError, FileError, ImageError, IpmError
 from ipm_rs.files import images
 from ipm_rs.streams import folder
@@ -69,7 +70,7 @@ output decides its format: """
   ipm-rs warp camera.json frames/ -o bevs/ --skip-existing
   ipm-rs warp camera.json drive.mp4 -o bev.mp4 --start 60 --end 90
   ipm-rs warp camera.json run.mcap --topic /front/image_raw -o bev.mp4
-  ipm-rs warp 2011_09_26_drive_0001_sync/ 2011_09_26_drive_0001_sync/ -o bevs/ --ground -1.73
+  ipm-rs warp 2011_09_26_drive_0001_sync/ 2011_09_26_drive_0001_sync/ -o bevs/
   ipm-rs warp camera.json drive.mp4 -o bev.mp4 --poses pitch.csv --mask-video seen.mp4
   ipm-rs warp camera.json frame.png -o bev.png --resolution 0.1 --axes
   ipm-rs warp camera.json s3://bucket/frames -o s3://bucket/bevs --ray auto
@@ -89,7 +90,7 @@ output decides its format: """
         help="a file for one image; a directory for several, which get the names <image>_bev.png; or a video",
     )
     grid = add_grid(warp, "where a cell is sampled")
-    add_ground(grid)
+    add_ground(grid, of_drives=True)
     pixels = warp.add_argument_group("pixels")
     pixels.add_argument(
         "--interpolation",
@@ -175,6 +176,7 @@ def run(args: argparse.Namespace) -> None:
         "threads": args.threads,
     }
     if args.ray is not None:
+        args.ground = args.ground or 0.0
         cluster.run(args, grid, options)
         return
     far = next((name for name in args.images if "://" in name), None)
@@ -184,6 +186,7 @@ def run(args: argparse.Namespace) -> None:
     if stream.concerns(args):
         stream.run(args, grid, options)
         return
+    args.ground = args.ground or 0.0
     camera = load_camera_sized(args)
     if len(args.images) == 1 and folder.is_several(str(args.images[0])):
         several = args.images[0]
@@ -204,7 +207,7 @@ def run(args: argparse.Namespace) -> None:
     show_progress = len(headers) > 1 and not args.quiet and sys.stderr.isatty()
     progress: Progress = progress_bar("image") if show_progress else no_progress
 
-    lut = ipm_rs.Lut(camera, grid, ground=args.ground)
+    lut = table_of(camera, grid, args.ground, may_be_empty=args.poses is not None)
     tables = None if args.poses is None else streams.per_frame(camera, grid, args.poses, ground=args.ground)
     mask = lut.mask
     jobs = min(args.jobs or cpus(), len(headers))

@@ -34,8 +34,8 @@ class Shot:
     pose: Pose | None
 
 
-def stream_of(path: str, shots: Sequence[Shot]) -> Stream:
-    """Return the stream of pictures in order.
+def stream_of(path: str, shots: Sequence[Shot], ground: float | None = None) -> Stream:
+    """Return the stream of pictures in order, of a vehicle frame in which the road is at `ground`.
 
     Raises
     ------
@@ -61,6 +61,7 @@ def stream_of(path: str, shots: Sequence[Shot]) -> Stream:
         size=camera.image_size if camera else None,
         camera=camera,
         origin=times[0] if times else 0.0,
+        ground=ground,
     )
 
 

@@ -7,6 +7,7 @@ mono8, 8UC1; mono16, 16UC1; 16SC1          (H, W) uint8; uint16; int16
 rgb8, bgr8, rgba8, bgra8; rgb16 ...        (H, W, 3 or 4) uint8; uint16
 bayer_rggb8, _bggr8, _gbrg8, _grbg8; ...16 (H, W, 3) uint8; uint16: the colours between, from their neighbours' mean
 yuv422, uyvy; yuv422_yuy2, yuyv            (H, W, 3) uint8, by BT.601 of video range, as cv_bridge has it
+nv12, nv21, nv24, nv42                     the same; luma first, then rows of U and V or V and U in turn
 32FC1, 64FC1                               (H, W) float32, float64
 ========================================== ==========================================================================
 """
@@ -20,7 +21,7 @@ from numpy.typing import NDArray
 
 from ipm_rs.errors import ImageError
 
-__all__ = ["NAMES", "pixels_of"]
+__all__ = ["NAMES", "demosaiced", "pixels_of"]
 
 _PLAIN = {
     "mono8": ("u1", 1),
@@ -42,7 +43,17 @@ _BAYER = {
 _YUV = {"yuv422": (1, 0, 2), "uyvy": (1, 0, 2), "yuv422_yuy2": (0, 1, 3), "yuyv": (0, 1, 3)}
 """Where in four bytes the first luma, U and V stand; the second luma is two after the first."""
 
-NAMES = (*_PLAIN, *_COLOURS, *_BAYER, *_YUV)
+_PLANES = {"nv12": (2, 0, 1), "nv21": (2, 1, 0), "nv24": (1, 0, 1), "nv42": (1, 1, 0)}
+"""How many pixels to each side share a chroma, and where in two bytes U and V stand."""
+
+NAMES = (*_PLAIN, *_COLOURS, *_BAYER, *_YUV, *_PLANES)
+
+
+def demosaiced(picture: NDArray[Any], encoding: str) -> NDArray[Any]:
+    """Return a picture whose encoding may be a Bayer tile in colours; any other as it is."""
+    if encoding not in _BAYER or picture.ndim != 2 or min(picture.shape) < 2:
+        return picture
+    return _demosaiced(picture, _BAYER[encoding][1])
 
 
 def pixels_of(message: Any, origin: str) -> NDArray[Any]:
@@ -68,7 +79,12 @@ def pixels_of(message: Any, origin: str) -> NDArray[Any]:
     if encoding in _YUV:
         if cols % 2:
             raise ImageError(f"{origin}: expected an even width of {encoding}, got {cols}; record it again")
-        return _from_yuv(_samples(message, "u1", 2, origin).reshape(rows, cols // 2, 4), *_YUV[encoding])
+        quads = _samples(message, "u1", 2, origin).reshape(rows, cols // 2, 4)
+        y, u, v = _YUV[encoding]
+        colours = _from_yuv(quads[..., y : y + 3 : 2], quads[..., u, None], quads[..., v, None])
+        return colours.reshape(rows, cols, 3)
+    if encoding in _PLANES:
+        return _from_planes(message, *_PLANES[encoding], origin)
     raise ImageError(
         f"{origin}: expected an encoding of {', '.join(NAMES)}, got {encoding!r:.40}; convert the topic, with "
         "image_proc or image_transport"
@@ -126,13 +142,36 @@ def _demosaiced(raw: NDArray[Any], tile: str) -> NDArray[Any]:
     return result
 
 
-def _from_yuv(quads: NDArray[np.uint8], y: int, u: int, v: int) -> NDArray[np.uint8]:
-    """Return (H, W, 3) of (H, W / 2, 4): BT.601, luma 16 to 235, in integers of 20 bits after the point."""
-    luma = 1220542 * np.maximum(quads[..., y : y + 3 : 2].astype(np.int32) - 16, 0)
-    red = quads[..., v, None].astype(np.int32) - 128
-    blue = quads[..., u, None].astype(np.int32) - 128
+def _from_planes(message: Any, shared: int, u: int, v: int, origin: str) -> NDArray[np.uint8]:
+    """Return (H, W, 3) of a plane of luma with one of chroma below it, whose rows are of equal length where halved."""
+    rows, cols = int(message.height), int(message.width)
+    step = int(message.step) or cols  # some drivers leave it out
+    data = np.frombuffer(message.data, np.uint8)
+    if not rows or not cols or rows % shared or cols % shared:
+        even = "an even width and height" if shared == 2 else "a picture"
+        raise ImageError(f"{origin}: expected {even} of {message.encoding}, got {cols}x{rows}; record it again")
+    below, apart = rows // shared, step * 2 // shared  # rows of chroma, and bytes from one to the next
+    if step < cols or len(data) < step * rows + apart * (below - 1) + 2 * cols // shared:
+        raise ImageError(
+            f"{origin}: expected {cols}x{rows} pixels of {message.encoding}, {cols} bytes a row of luma, got "
+            f"{len(data)} bytes in rows of {step}; it is cut short"
+        )
+    luma = data[: step * rows].reshape(rows, step)[:, :cols]
+    chroma = np.lib.stride_tricks.as_strided(
+        data[step * rows :], (below, cols // shared, 2), (apart, 2, 1), writeable=False
+    )
+    blocks = luma.reshape(below, shared, cols // shared, shared)
+    colours = _from_yuv(blocks, *(chroma[:, None, :, None, place] for place in (u, v)))
+    return colours.reshape(rows, cols, 3)
+
+
+def _from_yuv(luma: NDArray[np.uint8], u: NDArray[np.uint8], v: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Return red, green and blue on a last axis: BT.601, luma 16 to 235, in integers of 20 bits after the point."""
+    bright = 1220542 * np.maximum(luma.astype(np.int32) - 16, 0)
+    red, blue = v.astype(np.int32) - 128, u.astype(np.int32) - 128
     half = 1 << 19
     colours = np.stack(
-        [luma + 1673527 * red + half, luma - 852492 * red - 409993 * blue + half, luma + 2116026 * blue + half], -1
+        [bright + 1673527 * red + half, bright - 852492 * red - 409993 * blue + half, bright + 2116026 * blue + half],
+        -1,
     )
-    return np.clip(colours >> 20, 0, 255).astype(np.uint8).reshape(len(quads), -1, 3)
+    return np.clip(colours >> 20, 0, 255).astype(np.uint8)

@@ -77,6 +77,9 @@ class Stream:
         The calibration of all its frames, where the stream has one.
     origin : float
         The timestamp from which ``start=`` and ``end=`` count.
+    ground : float or None
+        Height of the road in the vehicle frame in metres, for ``Lut(..., ground=)``, where the dataset has one: KITTI's
+        nominal heights, Argoverse 2's and nuScenes' own.
     """
 
     path: str
@@ -86,6 +89,7 @@ class Stream:
     size: tuple[int, int] | None = None
     camera: Camera | None = None
     origin: float = 0.0
+    ground: float | None = None
 
     def tickets(self) -> Iterator[Ticket]:
         """Return an iterator over the frames that are still to be decoded."""

@@ -60,4 +60,5 @@ def read(path: str, camera: Any = "ring_front_center", max_gap: float = 1.0) -> 
     file = Path(path) / "city_SE3_egovehicle.feather"
     if file.is_file() and times:
         poses = poses_at(Trajectory.load(file, max_gap=max_gap), times)
-    return stream_of(path, [Shot(*each[:2], calibration, each[2]) for each in zip(pictures, times, poses, strict=True)])
+    shots = [Shot(*each[:2], calibration, each[2]) for each in zip(pictures, times, poses, strict=True)]
+    return stream_of(path, shots, argoverse2.GROUND)

@@ -2,7 +2,8 @@
 
 * `topic` is one of ``sensor_msgs/Image`` or ``CompressedImage``; it may be left out where there is only one.
 * Encodings: mono8, mono16, rgb8, bgr8, rgba8, bgra8 and their 16 bits, ``bayer_*8`` and ``16``, yuv422 and yuyv,
-  16UC1, 16SC1, 32FC1, 64FC1; compressed: whatever Pillow reads, JPEG and PNG above all.
+  nv12, nv21, nv24, 16UC1, 16SC1, 32FC1, 64FC1; compressed: whatever Pillow reads, JPEG and PNG above all, and
+  compressedDepth, PNG or RVL, as uint16 or as float32 metres with NaN where the depth is not known.
 * Timestamps are the messages' own (``header.stamp``), in seconds since 1970; ``clock="log"`` takes the recorder's,
   which never go back. ``start=`` and ``end=`` count from the first of the bag.
 * The camera is that of the first ``camera_info`` beside the topic; its pose is what tf says of the image's ``frame_id``
@@ -28,10 +29,11 @@ from numpy.typing import NDArray
 from ipm_rs._arguments import flag_of
 from ipm_rs._core import Camera
 from ipm_rs.calibration import ros
-from ipm_rs.errors import ArgumentError, ArgumentTypeError, FileError, ImageError, MissingExtraError
+from ipm_rs.errors import ArgumentError, ArgumentTypeError, FileError, MissingExtraError
 from ipm_rs.files import images
 from ipm_rs.files.atomic import check_source, reading
-from ipm_rs.streams._encodings import pixels_of
+from ipm_rs.streams._depth import depth_of, is_depth
+from ipm_rs.streams._encodings import demosaiced, pixels_of
 from ipm_rs.streams._frame import Frame, Stream, Ticket, bad_ticket
 from ipm_rs.streams._tf import Transforms
 
@@ -214,11 +216,10 @@ class _Source:
         """Return the picture of a message."""
         if not hasattr(message, "format"):
             return pixels_of(message, origin)
-        if "compressedDepth" in message.format:
-            raise ImageError(
-                f"{origin}: expected JPEG or PNG, got compressedDepth; record the topic without compression"
-            )
-        return images.decode(bytes(message.data), origin)[0]
+        data, form = bytes(message.data), str(message.format)
+        if is_depth(form):
+            return depth_of(form, data, origin)
+        return demosaiced(images.decode(data, origin)[0], form.partition(";")[0].strip())
 
     def camera_of(self, reader: Any, topic: str | None, tree: Transforms, first: Any) -> Camera | None:
         """Return the calibration beside the topic, posed by tf; None where there is none."""

@@ -77,4 +77,4 @@ def read(path: str, camera: Any = None, frame: Any = None) -> Stream:
         poses = Trajectory.load(found, format="kitti", timestamps=seconds, vehicle_from_sensor=first).poses
     moments = [None] * len(pictures) if times is None else times.tolist()
     shots = [Shot(each, time, calibration, pose) for each, time, pose in zip(pictures, moments, poses, strict=True)]
-    return stream_of(path, shots)
+    return stream_of(path, shots, kitti.GROUND[frame])

@@ -15,7 +15,7 @@ import numpy as np
 
 from ipm_rs._core import Camera
 from ipm_rs.calibration import kitti_raw
-from ipm_rs.calibration.kitti import camera_number
+from ipm_rs.calibration.kitti import GROUND, camera_number
 from ipm_rs.errors import FileError, MissingFileError
 from ipm_rs.streams._dataset import Shot, pictures_in, poses_at, stream_of
 from ipm_rs.streams._frame import Stream
@@ -74,7 +74,8 @@ def read(path: str, camera: Any = 2, frame: Any = "velodyne", max_gap: float = 1
         assert of_imu is not None
         mount = calibration.vehicle_from_camera @ of_imu.camera_from_vehicle
         poses = poses_at(Trajectory.load(drive, vehicle_from_sensor=_rigid(mount), max_gap=max_gap), times)
-    return stream_of(path, [Shot(*each[:2], calibration, each[2]) for each in zip(pictures, times, poses, strict=True)])
+    shots = [Shot(*each[:2], calibration, each[2]) for each in zip(pictures, times, poses, strict=True)]
+    return stream_of(path, shots, None if calibration is None else GROUND[frame])
 
 
 def _calibration(drive: Path, number: int, frame: Any) -> Camera | None:

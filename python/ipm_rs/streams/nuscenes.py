@@ -89,7 +89,7 @@ def read(path: str, camera: Any = "CAM_FRONT", scene: Any = None, sweeps: bool =
                 size = (int(record["width"]), int(record["height"]))
                 cameras[token] = nuscenes.read(mounted, camera=token, image_size=size)
             shots.append(Shot(root / record["filename"], record["timestamp"] * 1e-6, cameras[token], pose))
-    return stream_of(path, shots)
+    return stream_of(path, shots, ground=0.0)
 
 
 def _tables(path: Path) -> list[Path]:
