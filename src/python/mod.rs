@@ -25,8 +25,6 @@ macro_rules! help {
 
 mod arrays;
 mod camera;
-mod camera_geometry;
-mod camera_json;
 mod cloud;
 mod convert;
 mod detached;

@@ -1,5 +1,8 @@
 //! `Camera`.
 
+mod geometry;
+mod json;
+
 use std::hash::{Hash, Hasher};
 use std::sync::Arc;
 
@@ -7,29 +10,29 @@ use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
 use pyo3::types::{PyTuple, PyType};
 
-use super::arrays;
-use super::cloud;
-use super::convert::{Call, Floats, flag, float, floats, matrix_to_numpy, matrix3, matrix4, size, whole};
-use super::each::{each_projected, each_row_into};
-use super::error::classes::CalibrationError;
-use super::error::of_argument;
-use super::ground::{given_road, only_ground, road};
-use super::lens::{hash_lens, lens as lens_model, lens_to_python};
-use super::mask::mask_of;
-use super::options::thread_count;
-use super::outputs::Given;
-use super::points::PointsArray;
-use super::warnings::checked;
 use crate::geometry::Pose;
+use crate::python::arrays;
+use crate::python::cloud;
+use crate::python::convert::{Call, Floats, flag, float, floats, matrix_to_numpy, matrix3, matrix4, size, whole};
+use crate::python::each::{each_projected, each_row_into};
+use crate::python::error::classes::CalibrationError;
+use crate::python::error::of_argument;
+use crate::python::ground::{given_road, only_ground, road};
+use crate::python::lens::{hash_lens, lens as lens_model, lens_to_python};
+use crate::python::mask::mask_of;
+use crate::python::options::thread_count;
+use crate::python::outputs::Given;
+use crate::python::points::PointsArray;
+use crate::python::warnings::checked;
 use crate::{Camera, ImageMask, Pinhole};
 
 #[doc = help!("Camera")]
 #[pyclass(frozen, eq, hash, module = "ipm_rs", name = "Camera")]
 #[derive(PartialEq)]
-pub(super) struct PyCamera {
-    pub(super) camera: Camera,
+pub(in crate::python) struct PyCamera {
+    pub(in crate::python) camera: Camera,
     /// Which pixels show the road, if not all do.
-    pub(super) mask: Option<Arc<ImageMask>>,
+    pub(in crate::python) mask: Option<Arc<ImageMask>>,
 }
 
 impl From<Camera> for PyCamera {
@@ -40,7 +43,7 @@ impl From<Camera> for PyCamera {
 
 impl PyCamera {
     /// Another camera, whose images have the mask that is made of this one's.
-    pub(super) fn with_image(
+    pub(in crate::python) fn with_image(
         &self,
         camera: Camera,
         mask: impl FnOnce(&ImageMask) -> crate::Result<ImageMask>,

@@ -5,17 +5,17 @@ use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
 use pyo3::types::{PyTuple, PyType};
 
-use super::camera::PyCamera;
-use super::cloud::{Projected, ProjectedArrays};
-use super::convert::{Call, Floats, flag, float, float_or_two, floats, rows_to_numpy, size, whole, word};
-use super::detached;
-use super::each::{WHAT, each_number, each_projected, each_row, map, numbers};
-use super::error::classes::ArgumentError;
-use super::grid::bev_grid;
-use super::ground::{given_road, only_ground, plane_of, road};
-use super::lens::lens as lens_model;
-use super::warnings::checked;
+use super::PyCamera;
 use crate::parallel::num_threads;
+use crate::python::cloud::{Projected, ProjectedArrays};
+use crate::python::convert::{Call, Floats, flag, float, float_or_two, floats, rows_to_numpy, size, whole, word};
+use crate::python::detached;
+use crate::python::each::{WHAT, each_number, each_projected, each_row, map, numbers};
+use crate::python::error::classes::ArgumentError;
+use crate::python::grid::bev_grid;
+use crate::python::ground::{given_road, only_ground, plane_of, road};
+use crate::python::lens::lens as lens_model;
+use crate::python::warnings::checked;
 use crate::view::buffer;
 use crate::{Binning, Camera, ImageMask, Pinhole, RangeError};
 

@@ -3,7 +3,7 @@
 
 use pyo3::prelude::*;
 
-use super::camera::PyCamera;
+use super::PyCamera;
 
 #[pymethods]
 impl PyCamera {
