@@ -15,9 +15,9 @@ use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 use pyo3::types::{PyDict, PyFloat, PyInt, PyList, PyTuple, PyType};
 
-use super::convert::type_name;
 use super::error::OrRefuse;
 use super::error::classes::{ArgumentError, ArgumentTypeError, OutOfMemoryError};
+use super::texts::type_name;
 use crate::view::{Sample, Strided, reach};
 
 /// An array-like of real numbers as an array, in whatever dtype, order and alignment it comes.

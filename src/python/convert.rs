@@ -12,18 +12,7 @@ use pyo3::types::{
 use super::arrays;
 use super::error::OrRefuse;
 use super::error::classes::{ArgumentError, ArgumentTypeError};
-
-/// The name of an object's type, for messages.
-pub(super) fn type_name(object: &Bound<'_, PyAny>) -> String {
-    object.get_type().name().map_or_else(|_| "an object".to_owned(), |name| name.to_string())
-}
-
-/// What an object prints as, for messages; of one that prints badly or at length, its type.
-pub(super) fn text_of(object: &Bound<'_, PyAny>) -> PyResult<String> {
-    const LONGEST: usize = 80;
-    let text = object.repr().or_none(object.py())?.map(|text| text.to_string_lossy().into_owned());
-    Ok(text.filter(|text| text.len() <= LONGEST).unwrap_or_else(|| type_name(object)))
-}
+pub(super) use super::texts::{text_of, tuple_text, type_name};
 
 /// A word; what is no Unicode, such as a lone surrogate, is in it as U+FFFD. `expected` begins the message.
 pub(super) fn word<'a>(expected: &str, object: &'a Bound<'_, PyAny>) -> PyResult<Cow<'a, str>> {
@@ -87,14 +76,6 @@ pub(super) fn rows_hint(name: &str, shape: &[usize], columns: usize) -> String {
         [_, others] if others > columns => first,
         [_, .., last] if shape.len() > 2 && last == columns => format!("; use {name}.reshape(-1, {columns})"),
         _ => String::new(),
-    }
-}
-
-/// A shape as Python writes it.
-pub(super) fn tuple_text(shape: &[usize]) -> String {
-    match shape {
-        [one] => format!("({one},)"),
-        _ => format!("({})", shape.iter().map(usize::to_string).collect::<Vec<_>>().join(", ")),
     }
 }
 

@@ -1,60 +1,17 @@
 //! Masks of images, which say what shows the road.
 
-use std::sync::Arc;
-
-use numpy::{PyArray1, PyArray2, PyArrayMethods, PyUntypedArrayMethods};
+use numpy::PyUntypedArrayMethods;
 use pyo3::prelude::*;
 
 use super::arrays;
-use super::camera::PyCamera;
 use super::convert::{Floats, items_up_to, tuple_text};
-use super::detached;
 use super::error::classes::{ArgumentError, ArgumentTypeError, ImageError};
 use crate::raster::draw_polygon;
 use crate::view::buffer;
-use crate::{BevGrid, Camera, Error, ImageMask, SampleAt};
+use crate::{BevGrid, Camera, ImageMask, SampleAt};
 
 /// More polygons than anybody draws by hand.
 const MOST_POLYGONS: usize = 1000;
-
-#[pymethods]
-impl PyCamera {
-    #[doc = help!("Camera.masked")]
-    #[pyo3(signature = (mask = None, *, hide = None))]
-    fn masked(
-        &self,
-        py: Python<'_>,
-        mask: Option<&Bound<'_, PyAny>>,
-        hide: Option<&Bound<'_, PyAny>>,
-    ) -> PyResult<Self> {
-        if mask.is_none() && hide.is_none() {
-            return Err(ArgumentError::new_err(
-                "mask: expected an array that is True where the image shows the road, or hide= with polygons that do \
-                 not, got neither",
-            ));
-        }
-        let given = mask.map(|mask| mask_of("mask", mask, &self.camera)).transpose()?;
-        let hidden = hide.map(polygons).transpose()?;
-        let mask = detached::run(py, || {
-            let drawn = hidden.map(|hidden| outside(&hidden, &self.camera)).transpose()?;
-            let all = given.into_iter().chain(drawn).reduce(|mask, other| mask.and(&other)).expect("one was given");
-            Ok::<_, Error>(match &self.mask {
-                Some(before) => all.and(before),
-                None => all,
-            })
-        })?;
-        Ok(Self { camera: self.camera, mask: Some(Arc::new(mask)) })
-    }
-
-    #[doc = help!("Camera.mask")]
-    #[getter]
-    pub(super) fn mask<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray2<bool>>>> {
-        let Some(mask) = &self.mask else { return Ok(None) };
-        let (width, height) = mask.size();
-        let shown = PyArray1::from_vec(py, buffer::copied("mask", mask.shown())?);
-        shown.reshape([height as usize, width as usize]).map(Some)
-    }
-}
 
 /// (H, W); what is not 0 shows the road.
 pub(super) fn mask_of(name: &str, mask: &Bound<'_, PyAny>, camera: &Camera) -> PyResult<ImageMask> {
@@ -73,7 +30,7 @@ pub(super) fn mask_of(name: &str, mask: &Bound<'_, PyAny>, camera: &Camera) -> P
 }
 
 /// A polygon of pixels (u, v), or several.
-fn polygons(object: &Bound<'_, PyAny>) -> PyResult<Vec<Vec<[f64; 2]>>> {
+pub(super) fn polygons(object: &Bound<'_, PyAny>) -> PyResult<Vec<Vec<[f64; 2]>>> {
     let refuse = |got: String| {
         ArgumentTypeError::new_err(format!("hide: expected an (M, 2) polygon of pixels (u, v), or several, got {got}"))
     };
@@ -94,7 +51,7 @@ fn polygons(object: &Bound<'_, PyAny>) -> PyResult<Vec<Vec<[f64; 2]>>> {
 }
 
 /// The mask of the pixels whose centres are in none of the polygons.
-fn outside(polygons: &[Vec<[f64; 2]>], camera: &Camera) -> crate::Result<ImageMask> {
+pub(super) fn outside(polygons: &[Vec<[f64; 2]>], camera: &Camera) -> crate::Result<ImageMask> {
     let (width, height) = camera.image_size();
     // the grid whose cell (row, column) is pixel (v, u): its x points up the image, its y to the left
     let side = |pixels: u32| (0.5 - f64::from(pixels), 0.5);

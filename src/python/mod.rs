@@ -51,6 +51,7 @@ mod raster;
 mod rig;
 mod shapes;
 mod shared;
+mod texts;
 mod warnings;
 
 use pyo3::exceptions::PyRuntimeWarning;

@@ -2,6 +2,7 @@
 
 mod geometry;
 mod json;
+mod mask;
 
 use std::hash::{Hash, Hasher};
 use std::sync::Arc;
