@@ -1,9 +1,9 @@
 """Run the Python blocks of Markdown files and folders: `python scripts/run_snippets.py README.md docs/datasets`.
 
 The blocks of one file run in order, in one namespace, in a temporary folder that holds a calibration `camera.json` and
-an image `frame.png` (and `frame.npy`, the same pixels); for docs/streams.md also a bag and a drive. A block
-after the comment `<!-- not run -->` is skipped. A file without any block is an error: a check that finds nothing to
-check must not pass.
+an image `frame.png` (and `frame.npy`, the same pixels); for docs/streams.md also a bag and a drive, and for docs/tasks
+what scripts/task_files.py writes. A block after the comment `<!-- not run -->` is skipped. A file without any block is
+an error: a check that finds nothing to check must not pass.
 
 A page `docs/datasets/<format>.md` finds the files of that format's samples (tests/python/calibration_samples.py)
 instead, and a noise `frame.png` of the size that its camera has. Whatever such a page calls `lut` must see some of its
@@ -25,7 +25,9 @@ from PIL import Image
 
 import ipm_rs
 
+sys.path.insert(0, str(Path(__file__).resolve().parent))
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "python"))
+import task_files
 from bags import Bag
 from calibration_samples import SAMPLES
 
@@ -38,6 +40,9 @@ CAMERA = {
 
 def prepare(folder: Path, page: Path) -> None:
     """Write the files that the snippets of a page read."""
+    if page.parent.name == "tasks":
+        task_files.write(folder, page.stem)
+        return
     size = (2048, 1024)
     samples = [sample for sample in SAMPLES.values() if sample.format == page.stem]
     if samples and page.parent.name == "datasets":
@@ -73,6 +78,11 @@ def prepare_streams(folder: Path) -> None:
 
 def run(path: Path) -> int:
     """Run the blocks of one file and return how many ran."""
+    return run_blocks(path)[0]
+
+
+def run_blocks(path: Path) -> tuple[int, dict[str, Any]]:
+    """Run the blocks of one file; return how many ran, and the names that they leave."""
     text = path.read_text(encoding="utf-8")
     namespace: dict[str, Any] = {"__name__": "__main__"}
     count = 0
@@ -87,7 +97,7 @@ def run(path: Path) -> int:
         raise SystemExit(f"{path}: no Python block found to run")
     if path.parent.name == "datasets" and not namespace["lut"].mask.mean() > 0.05:
         raise SystemExit(f"{path}: the table of its example sees nothing of the road")
-    return count
+    return count, namespace
 
 
 def main() -> None:
