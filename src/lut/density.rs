@@ -100,7 +100,7 @@ struct Known {
 
 /// So many columns more are read at either side: what two cameras see of a row moves by a column or two from row to row, so
 /// each row is read once instead of three times.
-const BESIDE: usize = 16;
+const BESIDE: usize = 4;
 
 impl<'a> Resolution<'a> {
     /// # Errors

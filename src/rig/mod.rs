@@ -10,6 +10,7 @@ pub(crate) mod error;
 mod gains;
 mod pieces;
 mod region;
+mod shares;
 mod weights;
 
 pub use compose::Mix;
@@ -17,6 +18,7 @@ pub use compose::Mix;
 use std::sync::OnceLock;
 
 use crate::camera::Camera;
+use crate::cpu::Isa;
 use crate::error::{Error, Result, RigError};
 use crate::grid::BevGrid;
 use crate::ground::Ground;
@@ -27,6 +29,7 @@ use crate::view::{ImageMask, buffer};
 use gains::Overlap;
 use pieces::{Builder, Pieces};
 use region::Region;
+use shares::Shares;
 use weights::View;
 
 /// What memory is asked for, in errors.
@@ -214,7 +217,7 @@ impl RigLut {
         }
         let kept: Vec<usize> = (0..self.cameras()).filter(|&table| left.contains(&self.cameras[table])).collect();
         let columns = self.columns();
-        let mut builder = Builder::new(columns);
+        let (mut builder, mut shares, isa) = (Builder::new(columns), Shares::default(), Isa::active()?);
         for row in 0..self.rows() {
             check_interrupt()?;
             for piece in self.pieces.row(row) {
@@ -230,14 +233,16 @@ impl RigLut {
                     builder.alone(piece.first..piece.first + piece.cells, tables.first().copied())?;
                     continue;
                 }
-                let (mut raw, mut weights) = ([0; MAX_CAMERAS], [0; MAX_CAMERAS]);
-                for cell in 0..piece.cells {
-                    for (raw, &place) in raw.iter_mut().zip(&places) {
-                        *raw = piece.weights_of(place).map_or(pieces::ONE, |weights| weights[cell].into());
+                shares.begin(tables.len(), piece.cells)?;
+                for (place, &before) in places.iter().enumerate() {
+                    let raw = shares.raw(place);
+                    match piece.weights_of(before) {
+                        Some(weights) => raw.iter_mut().zip(weights).for_each(|(raw, &weight)| *raw = weight.into()),
+                        None => raw.fill(pieces::ONE),
                     }
-                    weights::shares(&raw[..tables.len()], &mut weights[..tables.len()]);
-                    builder.cell(piece.first + cell, &tables, &weights[..tables.len()])?;
                 }
+                shares.settle(isa);
+                builder.cells(piece.first, &tables, &shares)?;
             }
             builder.end_row()?;
         }

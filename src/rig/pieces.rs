@@ -2,7 +2,9 @@
 
 use std::ops::Range;
 
-use super::WHAT;
+use super::region::numbers;
+use super::shares::Shares;
+use super::{MAX_CAMERAS, WHAT};
 use crate::error::Result;
 use crate::view::buffer;
 
@@ -117,22 +119,27 @@ impl Builder {
         self.extend(cells, table.as_slice())
     }
 
-    /// Adds a cell by the weights, which sum to [`ONE`], of some tables in rising order.
-    pub(super) fn cell(&mut self, column: usize, tables: &[u8], weights: &[u16]) -> Result<()> {
-        // of equals the first
-        let largest = (0..weights.len()).rev().max_by_key(|&place| weights[place]).unwrap_or(0);
-        let others = (0..weights.len()).filter(|&place| place != largest && weights[place] > 0);
-        let (mut order, mut shown) = ([0; super::MAX_CAMERAS], [0; super::MAX_CAMERAS]);
-        let mut count = 0;
-        for place in std::iter::once(largest).filter(|&largest| weights[largest] > 0).chain(others) {
-            (order[count], shown[count]) = (tables[place], weights[place]);
-            count += 1;
-        }
-        self.extend(column..column + 1, &order[..count])?;
-        if count > 1 {
-            for (own, &weight) in self.weights.iter_mut().zip(&shown[..count]) {
-                buffer::push(WHAT, own, weight)?;
+    /// Adds cells from a column on by the weights of some tables in rising order.
+    pub(super) fn cells(&mut self, column: usize, tables: &[u8], shares: &Shares) -> Result<()> {
+        let mut first = 0;
+        for (cells, largest, shown) in shares.alike() {
+            let mut places = [0; MAX_CAMERAS];
+            let mut count = 1;
+            places[0] = largest;
+            for place in numbers(shown).filter(|&place| place != largest) {
+                (places[count], count) = (place, count + 1);
             }
+            let places = &places[..count];
+            let mut order = [0; MAX_CAMERAS];
+            order.iter_mut().zip(places).for_each(|(order, &place)| *order = tables[usize::from(place)]);
+            self.extend(column + first..column + first + cells, &order[..count])?;
+            if count > 1 {
+                for (own, &place) in self.weights.iter_mut().zip(places) {
+                    buffer::room_for(WHAT, own, cells)?;
+                    own.extend_from_slice(&shares.of(place.into())[first..first + cells]);
+                }
+            }
+            first += cells;
         }
         Ok(())
     }

@@ -2,8 +2,9 @@
 
 use std::ops::Range;
 
-use super::pieces::{Builder, ONE, Pieces};
+use super::pieces::{Builder, Pieces};
 use super::region::{Columns, Region, Sweep, numbers};
+use super::shares::{MOST_RAW, Shares};
 use super::{BlendMode, MAX_CAMERAS, WHAT};
 use crate::cpu::{Isa, for_each_isa};
 use crate::error::Result;
@@ -11,9 +12,6 @@ use crate::grid::BevGrid;
 use crate::lut::{Lut, Resolution};
 use crate::parallel::{self, Work, check_interrupt};
 use crate::view::buffer;
-
-/// Weights of less than this share are left out: a camera that is hardly seen costs as much as another.
-const LEAST_SHARE: u64 = 64;
 
 /// One camera: its table, the cells that it sees, and its place in the rig.
 pub(super) struct View {
@@ -164,6 +162,7 @@ struct Seams<'a> {
     /// Of each column, how many columns its box has.
     of_boxes: Vec<u32>,
     sweep: Sweep,
+    shares: Shares,
     isa: Isa,
 }
 
@@ -183,6 +182,7 @@ impl<'a> Seams<'a> {
             wins: columns(won.map_or(0, <[Region]>::len))?,
             of_boxes: buffer::collected(WHAT, (0..shape.1).map(of_box))?,
             sweep: Sweep::default(),
+            shares: Shares::default(),
             isa: Isa::active()?,
         })
     }
@@ -192,37 +192,31 @@ impl<'a> Seams<'a> {
         let down = self.radius[0];
         for near in row.saturating_sub(down + 1)..(row + down).min(self.shape.0) {
             check_interrupt()?;
-            self.count(near, 1);
+            self.count(Some(near), None);
         }
         Ok(())
     }
 
-    /// Adds the cells of a row to the boxes, or takes them out again: 1 or -1 times.
-    fn count(&mut self, row: usize, times: i32) {
-        let across = self.radius[1];
-        for (sums, view) in self.sees.iter_mut().zip(self.views) {
-            for &cells in view.seen.row(row) {
-                count_near(self.isa, sums, cells, across, times);
+    /// Adds the cells of a row to the boxes, and takes those of another out again.
+    fn count(&mut self, add: Option<usize>, remove: Option<usize>) {
+        let (isa, across) = (self.isa, self.radius[1]);
+        let change = |sums: &mut Vec<u32>, region: &Region| {
+            let [add, remove] = [add, remove].map(|row| row.map_or(&[][..], |row| region.row(row)));
+            for nth in 0..add.len().max(remove.len()) {
+                let [add, remove] = [add, remove].map(|ranges| ranges.get(nth).copied().unwrap_or((0, 0)));
+                count_near(isa, sums, add, remove, across);
             }
-        }
-        for (sums, won) in self.wins.iter_mut().zip(self.won.unwrap_or_default()) {
-            for &cells in won.row(row) {
-                count_near(self.isa, sums, cells, across, times);
-            }
-        }
+        };
+        self.sees.iter_mut().zip(self.views).for_each(|(sums, view)| change(sums, &view.seen));
+        self.wins.iter_mut().zip(self.won.unwrap_or_default()).for_each(|(sums, won)| change(sums, won));
     }
 
     /// Adds a row's pieces. Rows follow each other from where the boxes were begun.
     fn row(&mut self, row: usize, builder: &mut Builder) -> Result<()> {
         let ((rows, columns), [down, _]) = (self.shape, self.radius);
-        if row + down < rows {
-            self.count(row + down, 1);
-        }
-        if row > down {
-            self.count(row - down - 1, -1);
-        }
+        self.count((row + down < rows).then_some(row + down), row.checked_sub(down + 1));
         let height = ((row + down + 1).min(rows) - row.saturating_sub(down)) as u32;
-        let Self { views, sees, wins, sweep, of_boxes, .. } = self;
+        let Self { views, sees, wins, sweep, of_boxes, shares, isa, .. } = self;
         sweep.row(columns, views.iter().map(|view| view.seen.row(row)), |cells, seeing| {
             if seeing.count_ones() < 2 {
                 return builder.alone(cells, numbers(seeing).next());
@@ -232,31 +226,31 @@ impl<'a> Seams<'a> {
                 (tables[count], count) = (view, count + 1);
             }
             let tables = &tables[..count];
-            let (mut raw, mut weights) = ([0; MAX_CAMERAS], [0; MAX_CAMERAS]);
-            let mut column = cells.start;
-            while column < cells.end {
-                // away from the seams one view has won, and so sees, all of the box
-                let won_by = |view: u8| {
-                    let won = wins.get(usize::from(view)).map_or(&[][..], |wins| &wins[column..cells.end]);
-                    let of_boxes = &of_boxes[column..cells.end];
-                    won.iter().zip(of_boxes).take_while(|&(&won, &of_box)| won == of_box * height).count()
-                };
-                if let Some((view, count)) =
-                    tables.iter().map(|&view| (view, won_by(view))).find(|&(_, count)| count > 0)
-                {
-                    builder.alone(column..column + count, Some(view))?;
-                    column += count;
+            // away from the seams one view has won, and so sees, all of the box
+            let winner = |column: usize| {
+                let of_box = of_boxes[column] * height;
+                tables
+                    .iter()
+                    .copied()
+                    .find(|&view| wins.get(usize::from(view)).is_some_and(|won| won[column] == of_box))
+            };
+            let mut first = cells.start;
+            while first < cells.end {
+                let alone = winner(first);
+                let same = first..first + (first..cells.end).take_while(|&column| winner(column) == alone).count();
+                first = same.end;
+                if alone.is_some() {
+                    builder.alone(same, alone)?;
                     continue;
                 }
-                let all = of_boxes[column] * height;
-                for (raw, &view) in raw.iter_mut().zip(tables) {
-                    let view = usize::from(view);
-                    let share = wins.get(view).map_or(1.0, |wins| wins[column] as f32 / all as f32);
-                    *raw = raw_weight(sees[view][column], all, share);
+                shares.begin(count, same.len())?;
+                for (place, &view) in tables.iter().enumerate() {
+                    let won = wins.get(usize::from(view)).map_or(&[][..], |won| &won[same.clone()]);
+                    let seen = &sees[usize::from(view)][same.clone()];
+                    raw_weights(*isa, seen, won, (&of_boxes[same.clone()], height), shares.raw(place));
                 }
-                shares(&raw[..count], &mut weights[..count]);
-                builder.cell(column, tables, &weights[..count])?;
-                column += 1;
+                shares.settle(*isa);
+                builder.cells(same.start, tables, shares)?;
             }
             Ok(())
         })?;
@@ -264,53 +258,79 @@ impl<'a> Seams<'a> {
     }
 }
 
-/// The weight of a view in a cell, by how many of the cells of its box are seen and which share of them is won.
-fn raw_weight(seen: u32, of_box: u32, share: f32) -> u32 {
-    // half of the box is seen at a straight edge, all of it half a feather away
-    let ramp = (2.0 * (seen as f32 / of_box as f32) - 1.0).max(0.0);
-    1 + (ramp * share * (1 << 24) as f32) as u32
-}
-
-/// Changes, for each column, the number of cells of a box by so many times the neighbouring ones of a row that are at most
-/// `across` columns away.
-fn count_near(isa: Isa, sums: &mut [u32], (first, end): Columns, across: usize, times: i32) {
-    let (first, end, columns) = (first as usize, end as usize, sums.len());
-    let near = |column: usize| (end.min(column + across + 1) - first.max(column.saturating_sub(across))) as i32;
-    // rising, level, falling: where the box has both its ends inside the cells, or both outside
-    let (begin, stop) = (first.saturating_sub(across), (end + across).min(columns));
-    let (one, other) = (first + across, (end + across).saturating_sub(2 * across));
-    let level = one.min(other).clamp(begin, stop)..one.max(other).clamp(begin, stop);
-    for column in (begin..level.start).chain(level.end..stop) {
-        sums[column] = sums[column].wrapping_add_signed(times * near(column));
-    }
-    if !level.is_empty() {
-        let change = times * near(level.start);
-        add(isa, &mut sums[level], change);
-    }
-}
-
-fn add(isa: Isa, sums: &mut [u32], change: i32) {
+/// The weights of a view in some cells, by how many of the cells of a cell's box are seen and how many are won; a box has
+/// so many columns, and rows. Without `won` all of what is seen counts.
+fn raw_weights(isa: Isa, seen: &[u32], won: &[u32], (columns, rows): (&[u32], u32), raw: &mut [u32]) {
+    // counts are below 2^31: a box has at most as many cells as the grid
     #[inline(always)]
-    fn body(sums: &mut [u32], change: i32) {
-        sums.iter_mut().for_each(|sum| *sum = sum.wrapping_add_signed(change));
+    fn weight(seen: u32, of_box: f32, share: f32) -> u32 {
+        // half of the box is seen at a straight edge, all of it half a feather away
+        let ramp = (2.0 * (seen as i32 as f32 / of_box) - 1.0).max(0.0);
+        1 + (ramp * share * (MOST_RAW - 1) as f32) as i32 as u32
     }
-    for_each_isa!(isa, (body, body, body)(sums: &mut [u32], change: i32));
-}
-
-/// Weights of one cell, of sum [`ONE`], in the proportion of others without the smallest; all 0 where they are.
-pub(super) fn shares(raw: &[u32], weights: &mut [u16]) {
-    let sum: u64 = raw.iter().copied().map(u64::from).sum();
-    let counts = |raw: u32| raw > 0 && u64::from(raw) * LEAST_SHARE >= sum;
-    let sum: u64 = raw.iter().copied().filter(|&raw| counts(raw)).map(u64::from).sum();
-    let (mut left, mut most) = (if sum > 0 { ONE } else { 0 }, 0);
-    for (place, &raw) in raw.iter().enumerate() {
-        weights[place] = if counts(raw) { (u64::from(raw) * u64::from(ONE) / sum) as u16 } else { 0 };
-        left -= u32::from(weights[place]);
-        if weights[place] > weights[most] {
-            most = place;
+    #[inline(always)]
+    fn body(seen: &[u32], won: &[u32], columns: &[u32], rows: u32, raw: &mut [u32]) {
+        let cells = raw.iter_mut().zip(seen).zip(columns).map(|((raw, &seen), &columns)| (raw, seen, columns * rows));
+        if won.is_empty() {
+            cells.for_each(|(raw, seen, of_box)| *raw = weight(seen, of_box as i32 as f32, 1.0));
+        } else {
+            for ((raw, seen, of_box), &won) in cells.zip(won) {
+                let of_box = of_box as i32 as f32;
+                *raw = weight(seen, of_box, won as i32 as f32 / of_box);
+            }
         }
     }
-    weights[most] += left as u16;
+    for_each_isa!(
+        isa,
+        (body, body, body)(seen: &[u32], won: &[u32], columns: &[u32], rows: u32, raw: &mut [u32])
+    );
+}
+
+/// Adds, for each column, how many of the columns at most `across` away are in one range, and takes away how many are in
+/// another; a range may be empty.
+///
+/// Rows that follow each other have nearly the same ranges, and where a box lies within both nothing changes: only columns
+/// near the ends are gone through.
+fn count_near(isa: Isa, sums: &mut [u32], add: Columns, remove: Columns, across: usize) {
+    let columns = sums.len();
+    let near = |one: u32, other: u32| {
+        (one.min(other) as usize).saturating_sub(across)..(one.max(other) as usize + across).min(columns)
+    };
+    let (begin, end) = (near(add.0, remove.0), near(add.1, remove.1));
+    let is_empty = |range: Columns| range.0 == range.1;
+    if is_empty(add) || is_empty(remove) || begin.end + STEP > end.start {
+        let ends = [add, remove].into_iter().filter(|&range| !is_empty(range));
+        let (first, last) = ends.fold((u32::MAX, 0), |(first, last), range| (first.min(range.0), last.max(range.1)));
+        if first < last {
+            change_near(isa, sums, near(first, first).start..near(last, last).end, (add, remove), across);
+        }
+        return;
+    }
+    change_near(isa, sums, begin, (add, remove), across);
+    change_near(isa, sums, end, (add, remove), across);
+}
+
+/// So many columns at a time are gone through, some where nothing changes among them, rather than one by one at the end.
+const STEP: usize = 8;
+
+/// As [`count_near`], for some of the columns and fewer than [`STEP`] behind them.
+fn change_near(isa: Isa, sums: &mut [u32], columns: Range<usize>, ranges: (Columns, Columns), across: usize) {
+    #[inline(always)]
+    fn body(sums: &mut [u32], columns: Range<usize>, ranges: (Columns, Columns), across: i32) {
+        let near = |(first, end): Columns, column: i32| {
+            ((end as i32).min(column + across + 1) - (first as i32).max(column - across)).max(0)
+        };
+        let (add, remove) = ranges;
+        for (column, sum) in (columns.start as i32..).zip(&mut sums[columns]) {
+            *sum = sum.wrapping_add_signed(near(add, column) - near(remove, column));
+        }
+    }
+    let across = across as i32;
+    let columns = columns.start..(columns.start + columns.len().next_multiple_of(STEP)).min(sums.len());
+    for_each_isa!(
+        isa,
+        (body, body, body)(sums: &mut [u32], columns: Range<usize>, ranges: (Columns, Columns), across: i32)
+    );
 }
 
 #[cfg(test)]
@@ -318,35 +338,24 @@ mod tests {
     use super::*;
 
     #[test]
-    fn weights_sum_to_one_and_the_smallest_are_left_out() {
-        let mut weights = [7; 3];
-        shares(&[1 << 24, 1, 1 << 24], &mut weights);
-        assert_eq!(weights, [1 << 14, 0, 1 << 14]);
-        shares(&[3, 1, 3], &mut weights);
-        assert_eq!(weights.map(u32::from).iter().sum::<u32>(), ONE);
-        assert!(
-            weights[0] > weights[2] && weights[2] > 2 * weights[1],
-            "what is left goes to the largest: {weights:?}"
-        );
-        shares(&[0, 5, 0], &mut weights);
-        assert_eq!(weights, [0, 1 << 15, 0]);
-        shares(&[0; 3], &mut weights);
-        assert_eq!(weights, [0; 3]);
-    }
-
-    #[test]
     fn boxes_count_what_is_near() {
         let columns = 23u32;
+        let counted = |range: &Columns, column: usize, across: usize| {
+            (range.0 as usize..range.1 as usize).filter(|&cell| cell.abs_diff(column) <= across).count() as u32
+        };
+        let ranges: Vec<Columns> =
+            (0..columns).flat_map(|first| (first..=columns).map(move |end| (first, end))).collect();
         for across in [0, 1, 2, 5, 11, 40] {
-            for (first, end) in (0..columns).flat_map(|first| (first + 1..=columns).map(move |end| (first, end))) {
-                let mut sums = vec![100; columns as usize];
-                count_near(Isa::Scalar, &mut sums, (first, end), across, 1);
-                for (column, &sum) in sums.iter().enumerate() {
-                    let near = (first as usize..end as usize).filter(|&cell| cell.abs_diff(column) <= across).count();
-                    assert_eq!(sum, 100 + near as u32, "{first}..{end} by {across} at {column}");
+            for (nth, &add) in ranges.iter().enumerate() {
+                // another one close by, and one from anywhere
+                for remove in [ranges[(nth + 1) % ranges.len()], ranges[nth * 31 % ranges.len()]] {
+                    let mut sums = vec![100; columns as usize];
+                    count_near(Isa::Scalar, &mut sums, add, remove, across);
+                    for (column, &sum) in sums.iter().enumerate() {
+                        let expected = 100 + counted(&add, column, across) - counted(&remove, column, across);
+                        assert_eq!(sum, expected, "{add:?} - {remove:?} by {across} at {column}");
+                    }
                 }
-                count_near(Isa::Scalar, &mut sums, (first, end), across, -1);
-                assert_eq!(sums, vec![100; columns as usize]);
             }
         }
     }
