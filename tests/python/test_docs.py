@@ -16,7 +16,7 @@ ROOT = Path(__file__).resolve().parents[2]
 NAVIGATION = re.findall(
     r"^ +- (?:[^:\n]+: )?(\S+\.md)$", (ROOT / "mkdocs.yml").read_text(encoding="utf-8"), re.MULTILINE
 )
-FROM_THE_ROOT = ("README.md", "CONTRIBUTING.md", "CHANGELOG.md")  # scripts/mkdocs_root_pages.py
+FROM_THE_ROOT = ("README.md", "CONTRIBUTING.md", "CHANGELOG.md", "SECURITY.md")  # scripts/mkdocs_root_pages.py
 
 
 def pages() -> list[Path]:
