@@ -56,6 +56,13 @@ def test_the_glossary_names_what_the_sources_have():
     assert len(words) == len(set(words)) > 20
 
 
+@pytest.mark.parametrize("page", sorted((ROOT / "docs").rglob("*.md")), ids=lambda page: page.stem)
+def test_code_is_not_cut_off(page):
+    """docs/assets/wide.css has room for 120 characters in a window of 1400 pixels."""
+    blocks = re.findall(r"^```.*?^```", page.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)
+    assert [line for block in blocks for line in block.splitlines() if len(line) > 120] == []
+
+
 @pytest.mark.parametrize("page", pages(), ids=lambda page: page.relative_to(ROOT).as_posix())
 def test_links_lead_somewhere(page):
     """MkDocs checks its own pages; this checks the repository's as well, where they are read without it."""
