@@ -12,6 +12,7 @@ pub use crate::geometry::error::{PointsError, PoseError};
 pub use crate::grid::GridError;
 pub use crate::ground::error::GroundError;
 pub use crate::lut::error::LutError;
+pub use crate::mosaic::error::MosaicError;
 pub use crate::parallel::error::ThreadsError;
 pub use crate::raster::error::RasterError;
 pub use crate::rig::error::RigError;
@@ -72,6 +73,9 @@ pub enum Error {
     /// Cameras, masks, images or gains that make no rig.
     #[error(transparent)]
     Rig(#[from] RigError),
+    /// Layers or a window that do not fit a tile of a mosaic.
+    #[error(transparent)]
+    Mosaic(#[from] MosaicError),
     /// Depth or points that cannot be converted.
     #[error(transparent)]
     Cloud(#[from] CloudError),

@@ -30,6 +30,7 @@ mod grid;
 mod ground;
 mod kernels;
 mod lut;
+pub mod mosaic;
 mod parallel;
 #[cfg(feature = "python")]
 mod python;

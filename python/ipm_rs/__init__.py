@@ -70,6 +70,7 @@ from ipm_rs.errors import (
     LutError,
     MissingExtraError,
     MissingFileError,
+    MosaicError,
     OutOfMemoryError,
 )
 from ipm_rs.ground.homography import Homography
@@ -81,6 +82,7 @@ if TYPE_CHECKING:
     from ipm_rs import diagnosis, draw, pointfile, reference, refine, streams
     from ipm_rs import ray as ray
     from ipm_rs.diagnosis import doctor
+    from ipm_rs.mosaic import Mosaic
 
 __all__ = [
     "ArgumentError",
@@ -113,6 +115,8 @@ __all__ = [
     "Mei",
     "MissingExtraError",
     "MissingFileError",
+    "Mosaic",
+    "MosaicError",
     "Ocam",
     "OutOfMemoryError",
     "PixelRays",
@@ -162,6 +166,8 @@ def __getattr__(name: str) -> object:
         return importlib.import_module(f"ipm_rs.{name}")
     if name == "doctor":
         return importlib.import_module("ipm_rs.diagnosis").doctor
+    if name == "Mosaic":
+        return importlib.import_module("ipm_rs.mosaic").Mosaic
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 

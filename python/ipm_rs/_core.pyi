@@ -33,6 +33,8 @@ __all__ = [
     "ThinPrismFisheye",
     "_RigTable",
     "_checksum",
+    "_mosaic_add",
+    "_mosaic_sees",
     "__version__",
     "cpu_info",
     "decode_carla_depth",
@@ -3348,3 +3350,8 @@ def set_num_threads(n: SupportsIndex) -> None:
     Raises:
         ArgumentError, ArgumentTypeError: it is not a whole number from 1 to 1024.
     """
+
+def _mosaic_sees(placed: Any, coarse: BevGrid, finer: float) -> NDArray[np.bool_]: ...
+def _mosaic_add(
+    placed: Any, image: NDArray[Any], window: BevGrid, tile: tuple[Any, ...], at: tuple[int, int], threads: int | None
+) -> int: ...

@@ -15,6 +15,7 @@ __all__ = [
     "LutError",
     "MissingExtraError",
     "MissingFileError",
+    "MosaicError",
     "OutOfMemoryError",
 ]
 
@@ -69,6 +70,10 @@ class MissingFileError(FileError, FileNotFoundError):
 
 class MissingExtraError(IpmError, ImportError):
     """An optional dependency that is not installed; the message names the extra to install."""
+
+
+class MosaicError(IpmError, ValueError):
+    """Maps or tiles that do not belong together, or that hold all they can."""
 
 
 class OutOfMemoryError(IpmError, MemoryError):

@@ -108,9 +108,9 @@ fn class_of(error: &Error) -> fn(String) -> PyErr {
             | ViewError::SizeMismatch { .. }
             | ViewError::OutputShape { .. } => ImageError::new_err,
         },
-        Error::Rig(_) | Error::Warp(WarpError::ImageCount { .. } | WarpError::MixedChannels { .. }) => {
-            ImageError::new_err
-        }
+        Error::Rig(_)
+        | Error::Mosaic(_)
+        | Error::Warp(WarpError::ImageCount { .. } | WarpError::MixedChannels { .. }) => ImageError::new_err,
         Error::Cloud(
             CloudError::DepthChannels { .. }
             | CloudError::NegativeDepth { .. }

@@ -44,6 +44,7 @@ mod lut_file;
 mod maps;
 mod mask;
 mod mend;
+mod mosaic;
 mod options;
 mod outputs;
 mod points;
@@ -89,6 +90,8 @@ mod core_module {
     use super::lut::PyLut;
     #[pymodule_export]
     use super::lut_file::checksum;
+    #[pymodule_export]
+    use super::mosaic::{mosaic_add, mosaic_sees};
     #[pymodule_export]
     use super::raster::rasterize;
     #[pymodule_export]

@@ -404,6 +404,32 @@ def _streams_warp(v: Values) -> tuple[Callable[..., Any], Arguments]:
     }
 
 
+def _mosaic_add(v: Values) -> tuple[Callable[..., Any], Arguments]:
+    camera = CAMERAS[0]
+    picture = v.rng.choice([np.zeros((HEIGHT, WIDTH), np.uint8), np.full((HEIGHT, WIDTH, 3), 9, np.uint16)])
+    return ipm_rs.Mosaic(0.25, tile=64).add, {
+        "camera": camera,
+        "image": picture,
+        "map_from_vehicle": np.eye(4),
+        "ground": v.rng.choice([0.0, "wheels", ROADS[2]]),
+        "mask": np.ones((HEIGHT, WIDTH), bool),
+        "weight": 0.5,
+        "distance": (1.0, 9.0),
+        "gain": 1.5,
+        "name": "frame",
+        "threads": 1,
+    }
+
+
+def _mosaic() -> ipm_rs.Mosaic:
+    mosaic = ipm_rs.Mosaic(0.25, tile=64)
+    mosaic.add(CAMERAS[0], np.full((HEIGHT, WIDTH), 7, np.uint8), map_from_vehicle=np.eye(4), distance=(1, 9))
+    return mosaic
+
+
+MOSAIC = _mosaic()
+
+
 def _with(function: Callable[..., Any], make: Callable[[Values], Arguments]) -> Callable[[Values], Any]:
     return lambda v: (function, make(v))
 
@@ -440,6 +466,24 @@ RECIPES: dict[str, Callable[[Values], tuple[Callable[..., Any], Arguments]]] = {
     ),
     "RigLut.save": lambda v: (RIG_LUTS[0].save, {"path": v.folder / "rig-written.ipmlut"}),
     "RigLut.load": lambda v: (ipm_rs.RigLut.load, {"path": v.folder / "ring.ipmlut"}),
+    "Mosaic": lambda v: (
+        ipm_rs.Mosaic,
+        {"resolution": 0.25, "tile": 64, "channels": 1, "dtype": "uint8", "memory": 1 << 20},
+    ),
+    "Mosaic.add": _mosaic_add,
+    "Mosaic.merge": lambda v: (_mosaic().merge, {"other": MOSAIC}),
+    "Mosaic.window": lambda v: (MOSAIC.window, {"x": (2.0, 6.0), "y": (-1, 1)}),
+    "Mosaic.image": lambda v: (MOSAIC.image, {"x": (2.0, 6.0), "y": (-1, 1), "blend": "best"}),
+    "Mosaic.layers": lambda v: (MOSAIC.layers, {"x": (2.0, 6.0), "y": (-1, 1), "names": ("std", "count")}),
+    "Mosaic.save": lambda v: (MOSAIC.save, {"path": v.folder / f"mosaic-{v.rng.random()}"}),
+    "Mosaic.export_tiles": lambda v: (MOSAIC.export_tiles, {"directory": v.folder / "site", "blend": "mean"}),
+    "Mosaic.export_geotiff": lambda v: (
+        MOSAIC.export_geotiff,
+        {"path": v.folder / "map.tif", "crs": "EPSG:32632", "origin": (5e5, 5e6), "blend": "mean"},
+    ),
+    "Mosaic.load": lambda v: (ipm_rs.Mosaic.load, {"path": v.folder / "mosaic", "memory": 1 << 20}),
+    "Mosaic.commit": lambda v: (_mosaic().commit, {}),
+    "Mosaic.close": lambda v: (_mosaic().close, {}),
     "Trajectory": _with(
         ipm_rs.Trajectory,
         lambda v: {"timestamps": [0.0, 0.5, 2], "poses": TRAJECTORY.poses[:3].copy(), "max_gap": 2.0, "offset": 0.1},
@@ -737,6 +781,7 @@ def write_files(folder: pathlib.Path) -> None:
             bag.tf([("map", "base_link", (number, 0, 0), (1, 0, 0, 0))], float(number))
             bag.image("/image", textured(HEIGHT, WIDTH, seed=number), "mono8", float(number))
     np.savetxt(folder / "poses.txt", TRAJECTORY.poses[:, :3].reshape(-1, 12))
+    MOSAIC.save(folder / "mosaic")
     points = np.random.default_rng(2).uniform(-5, 15, (50, 3)).astype("f4")
     for name in FILES:
         pointfile.write(folder / name, points, {"intensity": (points[:, 0] + 5) / 20})

@@ -18,7 +18,7 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 import ipm_rs
-from ipm_rs.cli import cloud, completion, demo, doctor, info, lut, rig, signals, warp
+from ipm_rs.cli import cloud, completion, demo, doctor, info, lut, mosaic, rig, signals, warp
 from ipm_rs.cli.arguments import Parser
 from ipm_rs.cli.printing import discard, emit, emit_error
 from ipm_rs.errors import ArgumentError, CalibrationWarning, IpmError
@@ -98,6 +98,7 @@ were made; 130 after Ctrl-C, 143 after SIGTERM. Files are written whole or not a
   ipm-rs demo                                      # a synthetic road, nothing needed
   ipm-rs warp camera.json frame.png -o bev.png     # your own image
   ipm-rs rig rig.json front=f.png left=l.png -o bev.png   # one view of several cameras
+  ipm-rs mosaic camera.json drive.mp4 --poses poses.tum -o map/  # a map of the road from a drive
   ipm-rs cloud camera.json depth.png -o cloud.ply  # a point cloud of a depth image
   ipm-rs lut camera.json -o front.yml              # maps for cv::remap
   ipm-rs doctor camera.json frame.png -o report.png       # what is wrong with a calibration
@@ -107,6 +108,6 @@ were made; 130 after Ctrl-C, 143 after SIGTERM. Files are written whole or not a
     parser.add_argument("--version", action="version", version=f"ipm-rs {ipm_rs.__version__}")
     parser.set_defaults(run=lambda _: emit(parser.format_help(), end=""))
     commands = parser.add_subparsers(metavar="COMMAND", parser_class=Parser)
-    for command in (demo, warp, rig, cloud, lut, doctor, info, completion):
+    for command in (demo, warp, rig, mosaic, cloud, lut, doctor, info, completion):
         command.add(commands)
     return parser

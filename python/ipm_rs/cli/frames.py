@@ -35,7 +35,7 @@ def warped(stream: streams.Stream, table: Any, output: Path, *, quiet: bool, **o
     """Warp the stream with a bar on a terminal; the first errors of frames are printed."""
     show = not quiet and sys.stderr.isatty()
     told = 0
-    with (progress_bar("frame") if show else no_progress)(_Counted(stream.count)) as (bar, say):
+    with (progress_bar("frame") if show else no_progress)(Counted(stream.count)) as (bar, say):
         steps = iter(bar)
 
         def report(_: streams.Ticket, error: IpmError | None) -> None:
@@ -69,7 +69,7 @@ def conclude(output: Path, lut: ipm_rs.Lut | ipm_rs.RigLut, summary: streams.Sum
         raise FileError(f"{len(summary.failed)} of {total} frames could not be warped, see above")
 
 
-class _Counted:
+class Counted:
     """Steps of a progress bar, whose number may not be known."""
 
     def __init__(self, count: int | None) -> None:

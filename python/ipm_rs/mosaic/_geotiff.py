@@ -1,0 +1,94 @@
+"""A mosaic as a GeoTIFF: north up, in a coordinate system that other programs know (extra ``geo``, rasterio)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ipm_rs.errors import ArgumentError, FileError, MissingExtraError
+from ipm_rs.files.atomic import check_target
+
+__all__ = ["write_geotiff"]
+
+Read = Callable[[tuple[int, int], tuple[int, int]], tuple[NDArray[Any], NDArray[np.bool_]]]
+
+
+def write_geotiff(
+    path: Path,
+    read: Read,
+    bounds: tuple[tuple[int, int], tuple[int, int]],
+    *,
+    resolution: float,
+    channels: int,
+    dtype: np.dtype[Any],
+    crs: Any,
+    origin: tuple[float, float],
+) -> None:
+    """Write tile after tile, so that memory stays bounded, and overviews; the file appears when it is whole.
+
+    The map's x is taken as east and its y as north, both from `origin`.
+    """
+    try:
+        import rasterio
+        from rasterio.enums import ColorInterp, Resampling
+        from rasterio.errors import CRSError, RasterioError
+        from rasterio.transform import from_origin
+        from rasterio.windows import Window
+    except ImportError as error:
+        raise MissingExtraError(
+            'expected rasterio, which writes GeoTIFF, found none; install it with: pip install "ipm-rs[geo]"'
+        ) from error
+    (first_x, end_x), (first_y, end_y) = bounds
+    width, height = end_x - first_x, end_y - first_y
+    check_target(path)
+    try:
+        system = rasterio.crs.CRS.from_user_input(crs)
+    except (CRSError, ValueError, TypeError) as error:
+        raise ArgumentError('crs: expected a coordinate system such as "EPSG:32632", got none that is known') from error
+    temporary = path.with_name(f".{path.name}.part.tif")
+    profile: dict[str, Any] = {
+        "driver": "GTiff",
+        "width": width,
+        "height": height,
+        "count": channels + 1,
+        "dtype": dtype.name,
+        "crs": system,
+        "transform": from_origin(
+            origin[0] + first_x * resolution, origin[1] + end_y * resolution, resolution, resolution
+        ),
+        "tiled": True,
+        "blockxsize": 256,
+        "blockysize": 256,
+        "compress": "deflate",
+        "bigtiff": "if_safer",
+    }
+    block = 1024
+    try:
+        try:
+            with rasterio.open(temporary, "w", **profile) as file:
+                colours = {1: ["gray"], 3: ["red", "green", "blue"]}.get(channels, ["undefined"] * channels)
+                file.colorinterp = [ColorInterp[colour] for colour in [*colours, "alpha"]]
+                for left in range(first_x, end_x, block):
+                    for low in range(first_y, end_y, block):
+                        right, high = min(left + block, end_x), min(low + block, end_y)
+                        values, mask = read((left, right), (low, high))
+                        # x up and y left become east to the right and north up
+                        values, mask = (np.swapaxes(layer[::-1], 0, 1) for layer in (values, mask))
+                        bands = values[None] if values.ndim == 2 else np.moveaxis(values, 2, 0)
+                        alpha = np.where(mask, np.iinfo(dtype).max, 0).astype(dtype)
+                        window = Window(left - first_x, end_y - high, right - left, high - low)
+                        file.write(np.concatenate([bands, alpha[None]]), window=window)
+                factors = [2**k for k in range(1, 12) if max(width, height) >> k >= 256]
+                if factors:
+                    file.build_overviews(factors, Resampling.average)
+            temporary.replace(path)
+        finally:
+            temporary.unlink(missing_ok=True)
+    except (RasterioError, OSError) as error:
+        raise FileError(
+            f"{path}: expected to write it, got: {error}; check the directory and the free space"
+        ) from error

@@ -1,0 +1,570 @@
+"""`Mosaic`: a map of the road from the frames of a drive."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ipm_rs._arguments import array_of, names_of, number_of
+from ipm_rs._core import BevGrid, Camera, HeightMap, Plane, _mosaic_add
+from ipm_rs.errors import ArgumentError, ArgumentTypeError, FileError, MosaicError
+from ipm_rs.files.atomic import as_path
+from ipm_rs.mosaic._cache import Tiles
+from ipm_rs.mosaic._checks import dtype_of, overlap, range_of, whole_of
+from ipm_rs.mosaic._frames import checked_pictures
+from ipm_rs.mosaic._placing import cells_grid, distance_of, ground_in_map, placed, pose_of, windows
+from ipm_rs.mosaic._store import Store, cells_of, check_same
+from ipm_rs.mosaic._tiles import Kind, TileKey
+from ipm_rs.mosaic._views import BLENDS, LAYERS, layer_names, view_of
+from ipm_rs.rig import Rig
+
+__all__ = ["Mosaic"]
+
+_MOST_CELLS = 1 << 28
+"""Cells of one window that is read: 16 000 by 16 000."""
+
+_COMMIT = 200
+"""Frames from one commit to the next: it rewrites some ten tiles, 10 MB each, which is a part of what adding costs."""
+
+Blend = Literal["weighted", "best", "mean"]
+
+
+class Mosaic:
+    """A map of the road, of square tiles, which frames of cameras anywhere in it are added to.
+
+    The map's axes are those of the poses, x and y level, z up. A cell holds integer sums over all frames that saw it,
+    so the map does not depend on the order of frames, on threads, or on how many machines shared the work, to the last
+    bit. What is made of the sums is chosen at reading: see `image`.
+
+    Parameters
+    ----------
+    resolution : float
+        Metres a cell.
+    tile : int
+        Cells along a tile's side, a multiple of 64.
+    path : str or path, optional
+        A directory where the tiles live, made if need be; memory then stays bounded, and a run that was killed goes on
+        from its last `commit`. One process at a time has it open. By default all is in memory.
+    channels, dtype : optional
+        Of the pictures: 1 to 16; uint8 or uint16. By default those of the first one added.
+    memory : int
+        With `path`, bytes of tiles that are kept in memory.
+
+    Raises
+    ------
+    ArgumentError, ArgumentTypeError
+        An argument is wrong.
+    MosaicError
+        The mosaic at `path` has another resolution, tile size, dtype or number of channels.
+    FileError
+        `path` is no place for a mosaic, holds a damaged one, or another process has it open.
+    """
+
+    def __init__(
+        self,
+        resolution: float,
+        *,
+        tile: int = 512,
+        path: str | os.PathLike[str] | None = None,
+        channels: int | None = None,
+        dtype: Any = None,
+        memory: int = 1 << 30,
+    ) -> None:
+        self._resolution = number_of("resolution", resolution, low=0.0, high=100.0, what=" of metres a cell")
+        self._side = whole_of("tile", tile, 64, 4096)
+        if self._side % 64:
+            raise ArgumentError(f"tile: expected a multiple of 64 cells, got {self._side}; use 512")
+        self._asked = (
+            None if channels is None else whole_of("channels", channels, 1, 16),
+            None if dtype is None else dtype_of(dtype),
+        )
+        memory = whole_of("memory", memory, 0, 1 << 50)
+        self._kind: Kind | None = None
+        if self._asked[0] is not None and self._asked[1] is not None:
+            self._kind = Kind(self._side, self._asked[0], self._asked[1])
+        self._frames, self._names, self._new_names = 0, set[str](), list[str]()
+        self._uncommitted, self._broken, self._closed = 0, False, False
+        store = None if path is None else Store(path)
+        if store is not None:
+            try:
+                check_same(store, self._resolution, self._side, self._asked)
+                store.side = self._side
+                if store.resolution is None:
+                    store.commit(self._resolution, self._kind, 0, ())
+            except BaseException:
+                store.close()
+                raise
+            self._kind = store.kind or self._kind
+            self._frames, self._names = store.frames, set(store.names)
+        self._tiles = Tiles(store, memory)
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str], *, memory: int = 1 << 30) -> Mosaic:
+        """Open the mosaic of a directory.
+
+        Raises
+        ------
+        MissingFileError, FileError
+            There is none, or it is damaged, or another process has it open.
+        """
+        resolution, side = cells_of(path)
+        return cls(resolution, tile=side, path=path, memory=memory)
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the map to a directory of its own, which `load` opens.
+
+        Raises
+        ------
+        FileError
+            It cannot be written, or is no empty directory.
+        """
+        self._check_whole()
+        store = Store(path)
+        try:
+            if store.resolution is not None:
+                raise FileError(
+                    f"{store.path}: expected an empty directory, got a mosaic; give another, or merge into it"
+                )
+            store.side, store.kind = self._side, self._kind
+            if self._kind is not None:
+                for key in self._tiles.keys():
+                    tile = self._tiles.get(key, self._kind)
+                    assert tile is not None
+                    store.write(key, tile)
+                    tile.dirty = self._tiles.store is not None
+            store.commit(self._resolution, self._kind, self._frames, sorted(self._names))
+        finally:
+            store.close()
+
+    def commit(self) -> None:
+        """With a `path`, make all that was added so far last, whatever happens to the process from now on.
+
+        `add` does it now and then, and `close` at the end.
+
+        Raises
+        ------
+        FileError
+            It cannot be written; the map on disk is that of the last commit.
+        """
+        self._check_whole()
+        if self._tiles.store is not None:
+            self._tiles.flush()
+            self._tiles.store.commit(self._resolution, self._kind, self._frames, self._new_names)
+            self._new_names, self._uncommitted = [], 0
+
+    def close(self) -> None:
+        """With a `path`, commit and let others open it; the mosaic cannot be used any more.
+
+        After an `add` that was interrupted half-way nothing is committed.
+        """
+        if self._tiles.store is None or self._closed:
+            return
+        try:
+            if not self._broken:
+                self.commit()
+        finally:
+            self._tiles.store.close()
+            self._closed = True
+
+    def __enter__(self) -> Mosaic:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def __contains__(self, name: object) -> bool:
+        """Say whether a frame of this name was added."""
+        return name in self._names
+
+    @property
+    def resolution(self) -> float:
+        """Metres a cell."""
+        return self._resolution
+
+    @property
+    def tile(self) -> int:
+        """Cells along a tile's side."""
+        return self._side
+
+    @property
+    def channels(self) -> int | None:
+        """Channels of the pictures; None before the first one."""
+        return self._asked[0] if self._kind is None else self._kind.channels
+
+    @property
+    def dtype(self) -> np.dtype[Any] | None:
+        """The pictures' dtype; None before the first one."""
+        return self._asked[1] if self._kind is None else self._kind.dtype
+
+    @property
+    def frames(self) -> int:
+        """How many calls of `add` the map holds."""
+        return self._frames
+
+    @property
+    def tiles(self) -> list[TileKey]:
+        """Which tiles there are, in order: (i, j) begins at x = i * tile * resolution and y = j * tile * resolution."""
+        return self._tiles.keys()
+
+    @property
+    def bounds(self) -> tuple[tuple[float, float], tuple[float, float]] | None:
+        """((x min, x max), (y min, y max)) around all tiles, metres; None where there is none."""
+        if not self._tiles.keys():
+            return None
+        grid = self._grid(*self._extent())
+        return grid.x, grid.y
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of the tiles in memory."""
+        return 0 if self._kind is None else self._tiles.loaded() * self._kind.nbytes
+
+    def __repr__(self) -> str:
+        tiles = f"{len(self._tiles.keys())} tiles of {self._side} cells"
+        return f"Mosaic({self._resolution:g} m, {tiles}, {self._frames} frames)"
+
+    def add(
+        self,
+        camera: Camera | Rig | Mapping[str, Camera],
+        image: Any,
+        *,
+        map_from_vehicle: ArrayLike,
+        ground: float | Plane | HeightMap | Literal["wheels"] = 0.0,
+        mask: Any = None,
+        weight: float = 1.0,
+        distance: Sequence[float] | None = None,
+        gain: float = 1.0,
+        name: str | None = None,
+        threads: int | None = None,
+    ) -> int:
+        """Add a frame of a camera, or of a rig.
+
+        Every cell gets the mean of what it covers of the picture (`Lut.warp` with "area"), weighed by how well the
+        frame resolves it: by the eighth power of the pixels a cell in the worse direction, level from one pixel on.
+        Cells of which more than 16 share a pixel are left out.
+
+        Parameters
+        ----------
+        camera : Camera, Rig or mapping of str to Camera
+            Posed on the vehicle. What its mask hides (`Camera.masked`) is not seen.
+        image : (H, W) or (H, W, C) array, or mapping of them by camera
+            As `Lut.warp` takes it. A rig's cameras whose picture is missing add nothing.
+        map_from_vehicle : (4, 4) array_like
+            Where the vehicle was.
+        ground : float, Plane, HeightMap or "wheels"
+            The road in the map: its height, a plane, heights; "wheels" is the plane z = 0 of the vehicle at this pose.
+        mask : (H, W) array_like, optional
+            True, or not 0, where this frame shows the road: nothing that moves, no sky, no bonnet. Of a rig a mapping.
+        weight : float
+            How much this frame counts, above 0 and up to 1.
+        distance : (min, max), optional
+            Metres from the vehicle's origin, level: cells nearer or farther are left out.
+        gain : float
+            What the picture is multiplied by, above 0 and up to 16: exposure that differs from frame to frame.
+        name : str, optional
+            Of the frame. One that the map holds already is not added again: a run that was killed may begin anew.
+        threads : int, optional
+            At most how many; the map does not depend on it.
+
+        Returns
+        -------
+        int
+            How many cells it has seen, of all its cameras together.
+
+        Raises
+        ------
+        ImageError, DtypeError
+            A picture has another size than its camera, or other channels or another dtype than the map.
+        CalibrationError
+            The pose is not rigid, not finite or far out, or the camera is below the road.
+        ArgumentError, ArgumentTypeError
+            Another argument is wrong. In all of these cases nothing has been added.
+        MosaicError
+            A tile has as many frames as its sums hold; or an earlier call was interrupted half-way.
+        """
+        self._check_whole()
+        pose = pose_of(map_from_vehicle)
+        road, limits = ground_in_map(ground, pose), distance_of(distance)
+        share = number_of("weight", weight, low=0.0, what=" up to 1")
+        if share > 1:
+            raise ArgumentError(f"weight: expected a number up to 1, got {share:g}; divide all weights by the largest")
+        factor = number_of("gain", gain, low=0.0, high=16.0 + 1e-9)
+        threads = None if threads is None else whole_of("threads", threads, 1, 1024)
+        if name is not None and not isinstance(name, str):
+            raise ArgumentTypeError(f"name: expected text, got {type(name).__name__}; use str(...)")
+        pictures = checked_pictures(camera, image, mask, self.channels, self.dtype, factor)
+        if name is not None and name in self._names:
+            return 0
+        shown = [(picture, placed(picture.camera, pose, road, limits, share)) for picture in pictures]
+        if not shown:
+            return 0
+        array = pictures[0].image
+        kind = self._kind or Kind(self._side, 1 if array.ndim == 2 else array.shape[2], array.dtype)
+        plan = [(picture.image, frame, list(windows(frame, self._resolution, self._side))) for picture, frame in shown]
+        for key in {window.key for _, _, parts in plan for window in parts}:
+            kind.check_room(self._tiles.frames(key) + len(plan))
+        self._kind, self._broken, cells = kind, True, 0
+        for picture, frame, parts in plan:
+            for window in parts:
+                kept = self._tiles.get(window.key, kind)
+                tile = kind.empty() if kept is None else kept
+                seen = _mosaic_add(frame, picture, window.grid, tile.arrays, window.at, threads)
+                if seen:
+                    tile.frames, tile.dirty = tile.frames + 1, True
+                    if kept is None:
+                        self._tiles.put(window.key, tile, kind)
+                cells += seen
+        self._broken = False
+        self._count(1, () if name is None else (name,))
+        if self._uncommitted >= _COMMIT:
+            self.commit()
+        return cells
+
+    def merge(self, other: Mosaic) -> None:
+        """Add all that another map holds: exactly what adding its frames would have given.
+
+        Raises
+        ------
+        MosaicError
+            It has another resolution, tile size, dtype or number of channels; nothing has been added then.
+        """
+        if not isinstance(other, Mosaic):
+            raise ArgumentTypeError(f"other: expected an ipm_rs.Mosaic, got {type(other).__name__}")
+        self._check_whole()
+        other._check_whole()
+        if (self._resolution, self._side) != (other._resolution, other._side):
+            raise MosaicError(
+                f"other: expected cells of {self._resolution:g} m in tiles of {self._side}, got "
+                f"{other._resolution:g} m in tiles of {other._side}; make both alike"
+            )
+        if other._kind is None:
+            return
+        if (self.channels or other.channels, self.dtype or other.dtype) != (other.channels, other.dtype):
+            raise MosaicError(
+                f"other: expected {self.channels} channels of {self.dtype}, got {other.channels} of {other.dtype}"
+            )
+        twice = self._names & other._names
+        if twice:
+            raise MosaicError(
+                f"other: expected frames that this map does not hold, got {len(twice)} of both, such as "
+                f"{min(twice)!r:.80}; build the parts from different frames"
+            )
+        kind = self._kind or other._kind
+        for key in other.tiles:
+            kind.check_room(self._tiles.frames(key) + other._tiles.frames(key))
+        self._kind, self._broken = kind, True
+        for key in other.tiles:
+            theirs, mine = other._tiles.get(key, kind), self._tiles.get(key, kind)
+            assert theirs is not None
+            if mine is None:
+                mine = kind.empty()
+                self._tiles.put(key, mine, kind)
+            mine.merge(theirs)
+        self._broken = False
+        self._count(other._frames, other._names)
+
+    def window(self, x: Sequence[float] | None = None, y: Sequence[float] | None = None) -> BevGrid:
+        """Return the grid of the map's cells in a range of x and of y, all tiles by default.
+
+        Raises
+        ------
+        GridError
+            A range is not whole cells of the map; the message names the nearest that is.
+        ArgumentError
+            There is no tile yet, and a range is not given.
+        """
+        return self._grid(*self._cells(x, y))
+
+    def image(
+        self, x: Sequence[float] | None = None, y: Sequence[float] | None = None, *, blend: Blend = "weighted"
+    ) -> NDArray[Any]:
+        """Return the picture of a window: (rows, columns) or (rows, columns, C) of the map's dtype, 0 where nothing is.
+
+        Row 0 has the largest x and column 0 the largest y, as in a `BevGrid`; `window` gives the grid.
+
+        Parameters
+        ----------
+        x, y : (min, max), optional
+            Metres, whole cells; by default all that there is.
+        blend : {"weighted", "best", "mean"}
+            "weighted": all frames that resolve the cell share it, otherwise the best one counts most. "best": the one
+            frame that resolved it best. "mean": all frames alike.
+
+        Raises
+        ------
+        GridError, ArgumentError, ArgumentTypeError
+            As `window`; `blend` is none of these.
+        """
+        return self.layers(x, y, names=(wanted := self._blend_of(blend)))[wanted]
+
+    def layers(
+        self,
+        x: Sequence[float] | None = None,
+        y: Sequence[float] | None = None,
+        *,
+        names: str | Iterable[str] = ("weighted", "count", "std"),
+    ) -> dict[str, NDArray[Any]]:
+        """Return layers of a window by their names.
+
+        ============ ====================================================================================
+        ``weighted`` as `image`, likewise ``best`` and ``mean``
+        ``std``      float32: the standard deviation of the frames' values, which is large where things moved
+        ``count``    uint32: how many frames saw the cell
+        ``density``  float32: pixels a cell, in the worse direction, of the frame that resolved it best; up to 16
+        ``mask``     bool: whether any frame saw it
+        ============ ====================================================================================
+
+        Raises
+        ------
+        GridError, ArgumentError, ArgumentTypeError
+            As `window`; a name is none of these.
+        """
+        wanted = layer_names("names", names_of("names", names), LAYERS)
+        self._check_whole()
+        (first_x, end_x), (first_y, end_y) = self._cells(x, y)
+        if self._kind is None:
+            raise ArgumentError("mosaic: expected frames to read a picture of, got none; add some")
+        blank = Kind(1, self._kind.channels, self._kind.dtype).empty().arrays
+        found: dict[str, NDArray[Any]] = {}
+        for name in wanted:
+            pattern = view_of(name, blank)
+            found[name] = np.zeros((end_x - first_x, end_y - first_y, *pattern.shape[2:]), pattern.dtype)
+        side = self._side
+        for i in range(first_x // side, (end_x - 1) // side + 1):
+            for j in range(first_y // side, (end_y - 1) // side + 1):
+                tile = self._tiles.get((i, j), self._kind)
+                if tile is None:
+                    continue
+                rows, into_rows = overlap(i, side, first_x, end_x)
+                columns, into_columns = overlap(j, side, first_y, end_y)
+                part = tile.arrays.part(rows, columns)
+                for name, layer in found.items():
+                    layer[into_rows, into_columns] = view_of(name, part)
+        return found
+
+    def export_tiles(self, directory: str | os.PathLike[str], *, blend: Blend = "weighted") -> int:
+        """Write the map as picture tiles of 256 pixels, ``<z>/<x>/<y>.png``, and a page that shows them.
+
+        ``index.html`` needs no internet and no program on the server; opened as a file it works as well. x points up.
+        16-bit maps lose their lower byte.
+
+        Returns
+        -------
+        int
+            How many tiles.
+
+        Raises
+        ------
+        FileError
+            The directory cannot be written to.
+        ArgumentError, ArgumentTypeError, MissingExtraError
+            There is nothing to write; `blend` is none of `image`; Pillow is not installed (extra ``cli``).
+        """
+        from ipm_rs.mosaic._slippy import write_tiles
+
+        place, wanted = as_path(directory, "directory"), self._blend_of(blend)
+        (first_x, end_x), (first_y, end_y) = self._cells(None, None)
+
+        def read(top: int, bottom: int, left: int, right: int) -> tuple[NDArray[Any], NDArray[np.bool_]]:
+            return self._picture((end_x - bottom, end_x - top), (end_y - right, end_y - left), wanted)
+
+        return write_tiles(place, read, ((first_x, end_x), (first_y, end_y)), self._resolution)
+
+    def export_geotiff(
+        self,
+        path: str | os.PathLike[str],
+        *,
+        crs: Any,
+        origin: Sequence[float] = (0.0, 0.0),
+        blend: Blend = "weighted",
+    ) -> None:
+        """Write the map as a GeoTIFF with overviews: x to the east, y to the north, cells that nobody saw transparent.
+
+        Parameters
+        ----------
+        path : str or path
+            An existing file is replaced once the new one is whole.
+        crs : str or whatever rasterio takes
+            The coordinate system, in metres, such as ``"EPSG:32632"`` (UTM 32 north).
+        origin : (east, north)
+            What is added to the map's coordinates.
+        blend : {"weighted", "best", "mean"}
+            As in `image`.
+
+        Raises
+        ------
+        FileError
+            It cannot be written.
+        ArgumentError, ArgumentTypeError, MissingExtraError
+            There is nothing to write; an argument is wrong; rasterio is not installed (extra ``geo``).
+        """
+        from ipm_rs.mosaic._geotiff import write_geotiff
+
+        place, wanted = as_path(path), self._blend_of(blend)
+        values = array_of("origin", origin)
+        if values.shape != (2,) or values.dtype.kind not in "iuf" or not np.isfinite(values).all():
+            raise ArgumentError(f"origin: expected two finite numbers (east, north), got shape {values.shape}")
+        bounds = self._cells(None, None)
+        assert self.channels is not None
+        assert self.dtype is not None
+        write_geotiff(
+            place,
+            lambda x, y: self._picture(x, y, wanted),
+            bounds,
+            resolution=self._resolution,
+            channels=self.channels,
+            dtype=self.dtype,
+            crs=crs,
+            origin=(float(values[0]), float(values[1])),
+        )
+
+    def _blend_of(self, blend: Any) -> str:
+        return layer_names("blend", names_of("blend", blend), BLENDS)[0]
+
+    def _picture(self, x: tuple[int, int], y: tuple[int, int], blend: str) -> tuple[NDArray[Any], NDArray[np.bool_]]:
+        """Return a picture and its mask of a window in cells."""
+        r = self._resolution
+        layers = self.layers((x[0] * r, x[1] * r), (y[0] * r, y[1] * r), names=(blend, "mask"))
+        return layers[blend], layers["mask"]
+
+    def _count(self, frames: int, names: Iterable[str]) -> None:
+        added = sorted(names)
+        self._frames, self._uncommitted = self._frames + frames, self._uncommitted + frames
+        self._names.update(added)
+        self._new_names += added if self._tiles.store is not None else []
+
+    def _check_whole(self) -> None:
+        if self._closed:
+            raise MosaicError("mosaic: expected one that is open, got one that was closed; Mosaic.load opens it again")
+        if self._broken:
+            raise MosaicError(
+                "mosaic: expected a map whose last frame was added whole, got one that was interrupted half-way; build "
+                "it again, or load it from its path as it was at the last commit"
+            )
+
+    def _extent(self) -> tuple[tuple[int, int], tuple[int, int]]:
+        keys = np.array(self._tiles.keys())
+        (low_i, low_j), (high_i, high_j) = keys.min(0) * self._side, (keys.max(0) + 1) * self._side
+        return (int(low_i), int(high_i)), (int(low_j), int(high_j))
+
+    def _grid(self, x: tuple[int, int], y: tuple[int, int]) -> BevGrid:
+        return cells_grid(x, y, self._resolution)
+
+    def _cells(self, x: Any, y: Any) -> tuple[tuple[int, int], tuple[int, int]]:
+        """Return the cells of a window: the first and the one behind the last along each axis."""
+        tiles = bool(self._tiles.keys())
+        if (x is None or y is None) and not tiles:
+            raise ArgumentError("x, y: expected ranges, for there is no tile yet, got none; add frames, or give both")
+        extent = self._extent() if tiles else ((0, 1), (0, 1))
+        cells = [range_of(name, given, self._resolution) for name, given in (("x", x), ("y", y))]
+        (first_x, end_x), (first_y, end_y) = (own or whole for own, whole in zip(cells, extent, strict=True))
+        if (end_x - first_x) * (end_y - first_y) > _MOST_CELLS:
+            raise ArgumentError(
+                f"x, y: expected a window of at most {_MOST_CELLS} cells, got {end_x - first_x} x {end_y - first_y}; "
+                "read it in parts"
+            )
+        return (first_x, end_x), (first_y, end_y)

@@ -1,0 +1,180 @@
+"""Frames in the map: where their camera stands, and which windows of which tiles it sees well."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ipm_rs._arguments import array_of, number_of
+from ipm_rs._core import BevGrid, Camera, HeightMap, Plane, _mosaic_sees
+from ipm_rs.errors import ArgumentError, ArgumentTypeError, CalibrationError
+from ipm_rs.mosaic._tiles import TileKey
+from ipm_rs.trajectory._trajectory import poses_of
+
+__all__ = ["Placed", "Window", "distance_of", "ground_in_map", "placed", "pose_of", "windows"]
+
+FARTHEST_OUT = 1e7
+"""Metres from the map's origin: UTM's northings fit, and a cell of 1 mm is still told from the next in float64."""
+
+COARSEST = 16.0
+"""Cells to a pixel from which on a frame does not count, as in `src/mosaic/accumulate.rs`."""
+
+Ground = float | Plane | HeightMap
+
+
+@dataclass(frozen=True)
+class Placed:
+    """A camera in the map, as the core takes it."""
+
+    camera: Camera
+    ground: Ground
+    at: tuple[float, float]
+    distance: tuple[float, float]
+    weight: float
+
+
+@dataclass(frozen=True)
+class Window:
+    """Some cells of a tile: the tile, the first row and column in it, and the grid of the cells."""
+
+    key: TileKey
+    at: tuple[int, int]
+    grid: BevGrid
+
+
+def pose_of(value: ArrayLike) -> NDArray[np.float64]:
+    """Return a pose, or raise ArgumentError, ArgumentTypeError or CalibrationError for what is none."""
+    array = array_of("map_from_vehicle", value)
+    if array.shape != (4, 4):
+        raise ArgumentError(f"map_from_vehicle: expected shape (4, 4), got {array.shape}; give one pose for each call")
+    if array.dtype.kind in "iuf" and not np.isfinite(array).all():
+        raise CalibrationError(
+            "map_from_vehicle: expected finite numbers, got NaN or infinite ones; leave the frame out"
+        )
+    pose = poses_of("map_from_vehicle", array[None])[0]
+    if np.abs(pose[:3, 3]).max() > FARTHEST_OUT:
+        raise CalibrationError(
+            f"map_from_vehicle: expected a place within {FARTHEST_OUT:g} m of the map's origin, got "
+            f"{np.abs(pose[:3, 3]).max():g}; subtract an origin, or correct the unit"
+        )
+    return pose
+
+
+def distance_of(value: Any) -> tuple[float, float]:
+    """Return the two distances of an argument; None is no limit."""
+    if value is None:
+        return 0.0, math.inf
+    array = array_of("distance", value)
+    if array.shape != (2,) or array.dtype.kind not in "iuf":
+        raise ArgumentTypeError(f"distance: expected (min, max) in metres, got {array.dtype} of shape {array.shape}")
+    near, far = float(array[0]), float(array[1])
+    if not 0 <= near < far:
+        raise ArgumentError(f"distance: expected 0 <= min < max, got ({near:g}, {far:g}); swap or correct them")
+    return near, far
+
+
+def ground_in_map(ground: Any, map_from_vehicle: NDArray[np.float64]) -> Ground:
+    """Return the road in the map; ``"wheels"`` is the plane z = 0 of the vehicle."""
+    if isinstance(ground, str):
+        if ground != "wheels":
+            raise ArgumentError(f'ground: expected a height, a Plane, a HeightMap or "wheels", got {ground!r:.40}')
+        return Plane(normal=(0.0, 0.0, 1.0)).transformed(map_from_vehicle)
+    if isinstance(ground, (Plane, HeightMap)):
+        return ground
+    return number_of("ground", ground, what=' of metres, a Plane, a HeightMap or "wheels"')
+
+
+def placed(
+    camera: Camera, map_from_vehicle: NDArray[np.float64], ground: Ground, distance: tuple[float, float], weight: float
+) -> Placed:
+    """Return a camera in the map.
+
+    Raises
+    ------
+    CalibrationError
+        It is not above the road.
+    """
+    # R and t of camera_from_vehicle after the inverse of the pose, which is rigid to 1e-4 and kept as given
+    in_map = camera.with_pose(camera.camera_from_vehicle @ np.linalg.inv(map_from_vehicle), nearest_rotation=True)
+    position = in_map.position
+    height = position[2] - float(height_at(ground, position[None, :2])[0])
+    if height <= 0:
+        raise CalibrationError(
+            f"ground: expected the road below the camera, got it {-height:.2f} m above; give the road's height in the "
+            'map, or ground="wheels" for the plane that the vehicle stands on'
+        )
+    return Placed(in_map, ground, (float(map_from_vehicle[0, 3]), float(map_from_vehicle[1, 3])), distance, weight)
+
+
+def height_at(ground: Ground, xy: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the road's heights, NaN where they are not known."""
+    return np.full(len(xy), ground) if isinstance(ground, float) else ground.height_at(xy)
+
+
+def windows(frame: Placed, resolution: float, side: int) -> Iterator[Window]:
+    """Yield the windows that hold all cells that a frame sees well, tile by tile.
+
+    A coarse table says where they are. A part of the picture that is smaller than one of its cells, and touches none
+    that is seen, is left out.
+    """
+    x, y, _ = frame.camera.position
+    reach = min(_reach(frame, resolution), frame.distance[1] + math.hypot(x - frame.at[0], y - frame.at[1]))
+    step = 8
+    while step < 64 and reach > 64 * step * resolution:
+        step *= 2
+    unit = step * resolution
+    (low_x, high_x), (low_y, high_y) = (
+        (math.floor((at - reach) / unit) - 1, math.ceil((at + reach) / unit) + 1) for at in (x, y)
+    )
+    grid = BevGrid(x=(low_x * unit, high_x * unit), y=(low_y * unit, high_y * unit), resolution=unit)
+    seen = _grown(_mosaic_sees(frame, grid, step))[::-1, ::-1]  # now both axes grow
+    of_tile = side // step
+    for i in range(low_x // of_tile, (high_x - 1) // of_tile + 1):
+        for j in range(low_y // of_tile, (high_y - 1) // of_tile + 1):
+            first_x, first_y = max(low_x, i * of_tile), max(low_y, j * of_tile)
+            part = seen[first_x - low_x : (i + 1) * of_tile - low_x, first_y - low_y : (j + 1) * of_tile - low_y]
+            rows, columns = np.flatnonzero(part.any(1)), np.flatnonzero(part.any(0))
+            if len(rows) == 0:
+                continue
+            begin_x, end_x = first_x + int(rows[0]), first_x + int(rows[-1]) + 1
+            begin_y, end_y = first_y + int(columns[0]), first_y + int(columns[-1]) + 1
+            at = (((i + 1) * of_tile - end_x) * step, ((j + 1) * of_tile - end_y) * step)
+            yield Window(
+                (i, j), at, cells_grid((begin_x * step, end_x * step), (begin_y * step, end_y * step), resolution)
+            )
+
+
+def cells_grid(x: tuple[int, int], y: tuple[int, int], resolution: float) -> BevGrid:
+    """Return the grid of the map's cells between two of them along each axis."""
+    return BevGrid(
+        x=(x[0] * resolution, x[1] * resolution), y=(y[0] * resolution, y[1] * resolution), resolution=resolution
+    )
+
+
+def _reach(frame: Placed, resolution: float) -> float:
+    """Metres from the camera beyond which a level road is seen too coarsely, generously.
+
+    From a height h a pixel of 1/f covers r^2 / (h f) of the road ahead at a distance r. Slopes, and lenses that magnify
+    at their rims, are why it is half as much again.
+    """
+    x, y, z = frame.camera.position
+    height = z - float(height_at(frame.ground, np.array([[x, y]]))[0])
+    height = height if math.isfinite(height) else 2.0
+    focal = float(max(frame.camera.intrinsics[0, 0], frame.camera.intrinsics[1, 1]))
+    return min(1.5 * math.sqrt(height * focal * resolution * COARSEST) + height, 512 * 64 * resolution)
+
+
+def _grown(seen: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return them with their neighbours."""
+    grown = seen.copy()
+    grown[1:] |= seen[:-1]
+    grown[:-1] |= seen[1:]
+    wide = grown.copy()
+    wide[:, 1:] |= grown[:, :-1]
+    wide[:, :-1] |= grown[:, 1:]
+    return wide

@@ -1,0 +1,108 @@
+"""Tiles of pictures for web maps, and the page that shows them: files alone, from any file server, no internet."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ipm_rs.errors import FileError
+from ipm_rs.files import images
+from ipm_rs.files.atomic import atomically
+
+__all__ = ["write_tiles"]
+
+SIDE = 256
+"""Pixels along a tile's side, as every web map has it."""
+
+Read = Callable[[int, int, int, int], tuple[NDArray[Any], NDArray[np.bool_]]]
+Bounds = tuple[tuple[int, int], tuple[int, int]]
+
+
+def write_tiles(directory: Path, read: Read, bounds: Bounds, resolution: float) -> int:
+    """Write ``<z>/<x>/<y>.png`` and ``index.html``; returns how many tiles.
+
+    The map's x points up the page and its y to the left, as in every view of this package. Column 0 and row 0 are those
+    of the map's largest y and x. Level 0 is one tile; each further one doubles the resolution, the last is the map's
+    own.
+
+    `read` takes a first and an end of rows and of columns, counted from there, and returns picture and mask.
+    """
+    (first_x, end_x), (first_y, end_y) = bounds
+    rows, columns = end_x - first_x, end_y - first_y
+    levels = max(0, math.ceil(math.log2(max(rows, columns, SIDE) / SIDE)))
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise FileError(f"{directory}: expected a directory for tiles, got: {error.strerror}; give another") from error
+    written = 0
+
+    def picture(z: int, column: int, row: int) -> NDArray[np.uint8] | None:
+        """Return RGBA of a tile, written on the way, from the four below it; None where there is nothing."""
+        nonlocal written
+        size = SIDE << (levels - z)
+        top, left = row * size, column * size
+        if top >= rows or left >= columns:
+            return None
+        whole = np.zeros((SIDE, SIDE, 4), np.uint8)
+        if z == levels:
+            bottom, right = min(top + size, rows), min(left + size, columns)
+            values, mask = read(top, bottom, left, right)
+            if mask.any():
+                whole[: bottom - top, : right - left, :3] = _rgb(values)
+                whole[: bottom - top, : right - left, 3] = np.where(mask, 255, 0)
+        else:
+            half = SIDE // 2
+            for down in (0, 1):
+                for across in (0, 1):
+                    part = picture(z + 1, 2 * column + across, 2 * row + down)
+                    if part is not None:
+                        whole[down * half : (down + 1) * half, across * half : (across + 1) * half] = _halved(part)
+        if not whole[..., 3].any():
+            return None
+        place = directory / str(z) / str(column)
+        try:
+            place.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise FileError(f"{place}: expected to make it, got: {error.strerror}; check the free space") from error
+        images.write(place / f"{row}.png", whole, images.Look("RGBA"))
+        written += 1
+        return whole
+
+    picture(0, 0, 0)
+    about = {
+        "levels": levels,
+        "side": SIDE,
+        "rows": rows,
+        "columns": columns,
+        "resolution": resolution,
+        "x": end_x * resolution,
+        "y": end_y * resolution,
+    }
+    page = resources.files("ipm_rs.mosaic").joinpath("page.html").read_text("utf-8")
+    with atomically(directory / "index.html") as file:
+        file.write(page.replace("/*ABOUT*/", json.dumps(about)).encode())
+    return written
+
+
+def _rgb(values: NDArray[Any]) -> NDArray[np.uint8]:
+    if values.dtype == np.uint16:
+        values = (values >> 8).astype(np.uint8)
+    if values.ndim == 2 or values.shape[2] < 3:
+        values = np.repeat((values if values.ndim == 2 else values[..., 0])[..., None], 3, 2)
+    return np.asarray(values[..., :3], np.uint8)
+
+
+def _halved(tile: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Return a tile at half the resolution: the mean of what is there of each four pixels."""
+    four = tile.reshape(SIDE // 2, 2, SIDE // 2, 2, 4).astype(np.uint32)
+    seen = four[..., 3:] > 0
+    count = seen.sum((1, 3))
+    mean = (four[..., :3] * seen).sum((1, 3)) / np.maximum(count, 1)
+    return np.concatenate([np.rint(mean), np.where(count > 0, 255, 0)], 2).astype(np.uint8)

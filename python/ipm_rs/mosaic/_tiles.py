@@ -1,0 +1,111 @@
+"""Tiles: squares of integer accumulators, which frames are added to and which add up."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ipm_rs.errors import MosaicError
+
+__all__ = ["Arrays", "Kind", "Tile", "TileKey"]
+
+TileKey = tuple[int, int]
+"""Tile (i, j) spans x from i * side cells on, and y from j * side cells on."""
+
+
+class Arrays(NamedTuple):
+    """The layers of a tile, in the order in which the core takes them; see `src/mosaic/tile.rs`."""
+
+    weights: NDArray[np.uint64]
+    totals: NDArray[np.uint64]
+    counts: NDArray[np.uint32]
+    sums: NDArray[np.uint64]
+    squares: NDArray[np.uint64]
+    resolutions: NDArray[np.uint16]
+    bests: NDArray[Any]
+
+    def part(self, rows: slice, columns: slice) -> Arrays:
+        """Return the layers of some of the cells."""
+        layers: Any = [layer[rows, columns] for layer in self]
+        return Arrays(*layers)
+
+
+@dataclass(frozen=True)
+class Kind:
+    """What all tiles of a mosaic have in common."""
+
+    side: int
+    channels: int
+    dtype: np.dtype[Any]
+
+    @property
+    def most_frames(self) -> int:
+        """So many frames fit a cell's sums, whose weights have 31 bits, for certain."""
+        return 1 << (32 - 8 * self.dtype.itemsize)
+
+    def check_room(self, frames: int) -> None:
+        """Refuse more frames than the sums hold."""
+        if frames > self.most_frames:
+            raise MosaicError(
+                f"mosaic: expected at most {self.most_frames} frames over one tile of {self.dtype}, got more; use "
+                "every so many-th frame"
+            )
+
+    def shapes(self) -> dict[str, tuple[tuple[int, ...], Any]]:
+        """Return shape and dtype of each layer."""
+        cells, numbers = (self.side, self.side), (self.side, self.side, self.channels)
+        return {
+            "weights": (cells, np.uint64),
+            "totals": (numbers, np.uint64),
+            "counts": (cells, np.uint32),
+            "sums": (numbers, np.uint64),
+            "squares": (numbers, np.uint64),
+            "resolutions": (cells, np.uint16),
+            "bests": (numbers, self.dtype),
+        }
+
+    def empty(self) -> Tile:
+        """Return a tile that nothing has been added to."""
+        return Tile(Arrays(*(np.zeros(shape, dtype) for shape, dtype in self.shapes().values())))
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of a tile."""
+        return sum(int(np.prod(shape)) * np.dtype(dtype).itemsize for shape, dtype in self.shapes().values())
+
+
+@dataclass
+class Tile:
+    """A tile's layers, how many frames were added, and whether they differ from what is stored."""
+
+    arrays: Arrays
+    frames: int = 0
+    dirty: bool = False
+
+    def merge(self, other: Tile) -> None:
+        """Add another tile's sums: what comes out is what adding its frames would have given."""
+        mine, theirs = self.arrays, other.arrays
+        for name in ("weights", "totals", "counts", "sums", "squares"):
+            layer = getattr(mine, name)
+            np.add(layer, getattr(theirs, name), out=layer)
+        higher = theirs.resolutions > mine.resolutions
+        larger = larger_value(theirs.bests, mine.bests)
+        better = higher | ((theirs.resolutions == mine.resolutions) & larger)
+        mine.bests[better] = theirs.bests[better]
+        np.maximum(mine.resolutions, theirs.resolutions, out=mine.resolutions)
+        self.frames += other.frames
+        self.dirty = True
+
+
+def larger_value(one: NDArray[Any], other: NDArray[Any]) -> NDArray[np.bool_]:
+    """Say where a colour comes after another, channel by channel, as the core orders equals."""
+    larger = np.zeros(one.shape[:2], bool)
+    decided = np.zeros(one.shape[:2], bool)
+    for channel in range(one.shape[2]):
+        differs = ~decided & (one[..., channel] != other[..., channel])
+        larger |= differs & (one[..., channel] > other[..., channel])
+        decided |= differs
+    return larger

@@ -1,0 +1,64 @@
+"""What is read from accumulators: pictures and layers of a window."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ipm_rs._arguments import check_word
+from ipm_rs.errors import ArgumentError
+from ipm_rs.mosaic._tiles import Arrays
+
+__all__ = ["BLENDS", "LAYERS", "layer_names", "view_of"]
+
+
+def _rounded(total: NDArray[np.uint64], by: NDArray[Any], dtype: np.dtype[Any]) -> NDArray[Any]:
+    by = np.maximum(by.astype(np.uint64), 1)[..., None]
+    return ((total + by // 2) // by).astype(dtype)
+
+
+def _weighted(arrays: Arrays) -> NDArray[Any]:
+    return _rounded(arrays.totals, arrays.weights, arrays.bests.dtype)
+
+
+def _mean(arrays: Arrays) -> NDArray[Any]:
+    return _rounded(arrays.sums, arrays.counts, arrays.bests.dtype)
+
+
+def _best(arrays: Arrays) -> NDArray[Any]:
+    return arrays.bests.copy()
+
+
+def _std(arrays: Arrays) -> NDArray[Any]:
+    count = np.maximum(arrays.counts, 1).astype(np.float64)[..., None]
+    mean = arrays.sums / count
+    return np.sqrt(np.maximum(arrays.squares / count - mean * mean, 0.0)).astype(np.float32)
+
+
+BLENDS: dict[str, Callable[[Arrays], NDArray[Any]]] = {"weighted": _weighted, "best": _best, "mean": _mean}
+LAYERS: dict[str, Callable[[Arrays], NDArray[Any]]] = {
+    **BLENDS,
+    "std": _std,
+    "count": lambda arrays: arrays.counts.copy(),
+    "density": lambda arrays: (arrays.resolutions / 4096).astype(np.float32),
+    "mask": lambda arrays: arrays.counts > 0,
+}
+_OF_CELLS = {"count", "density", "mask"}
+
+
+def layer_names(name: str, wanted: list[str], known: dict[str, Any]) -> list[str]:
+    """Return the names, or refuse one that no layer has."""
+    for word in wanted:
+        check_word(name, word)
+        if word not in known:
+            raise ArgumentError(f"{name}: expected {', '.join(known)}, got {word!r:.40}; choose one of them")
+    return wanted
+
+
+def view_of(name: str, arrays: Arrays) -> NDArray[Any]:
+    """Return a layer; of one channel without an axis for it."""
+    view = LAYERS[name](arrays)
+    return view[..., 0] if name not in _OF_CELLS and view.shape[2] == 1 else view

@@ -1,0 +1,167 @@
+//! Frames of a drive on one map: integer accumulators of square tiles.
+//!
+//! A frame is a camera placed in the map. Each tile that it sees well has a table of its own, so an image is sampled once,
+//! from its pixels to the map's cells. What is added depends on the frame and the tile alone.
+
+mod accumulate;
+pub(crate) mod error;
+mod tile;
+
+pub use tile::{Layers, Tile, Value};
+
+use crate::camera::Camera;
+use crate::cpu::Isa;
+use crate::error::{Error, MosaicError, Result};
+use crate::grid::BevGrid;
+use crate::ground::Ground;
+use crate::lut::{Lut, Resolution};
+use crate::parallel::{self, Work};
+use crate::view::{ImageMask, ImageView, buffer};
+use crate::warp::{Interpolation, WarpOptions};
+use accumulate::{COARSEST, Cells, WHOLE};
+
+const WHAT: &str = "mosaic";
+
+/// A frame's camera in the map.
+#[derive(Clone)]
+pub struct Frame<'a> {
+    /// The camera, placed in the map: its vehicle frame is the map.
+    pub camera: Camera,
+    /// Which pixels show the road, where some do not.
+    pub mask: Option<&'a ImageMask>,
+    /// The road, in the map.
+    pub ground: &'a Ground,
+    /// (x, y) of the place in the map from which distances are measured.
+    pub from: [f64; 2],
+    /// Cells nearer than the first number of metres are left out, and those as far as the second, or farther.
+    pub distance: (f64, f64),
+    /// How much the frame counts, above 0 and up to 1.
+    pub weight: f64,
+}
+
+impl Frame<'_> {
+    /// The table of the cells of a window that the camera sees.
+    fn table(&self, window: &BevGrid) -> Result<Lut> {
+        let lut = Lut::new(&self.camera, window, self.ground)?;
+        match self.mask {
+            Some(mask) => lut.masked(mask),
+            None => Ok(lut),
+        }
+    }
+
+    /// Which cells of a coarse grid the frame sees well enough for a mosaic whose cells are `finer` times as fine in each
+    /// direction, row-major: from these follows which tiles, and which part of them, are worth a table. The mask is not
+    /// looked at.
+    ///
+    /// # Errors
+    /// Those of [`Lut::new`] and of [`Lut::resolved_mask`].
+    pub fn sees(&self, coarse: &BevGrid, finer: f64) -> Result<Vec<bool>> {
+        let mut seen = Lut::new(&self.camera, coarse, self.ground)?.resolved_mask(COARSEST * finer)?;
+        // half a diagonal of a coarse cell nearer and farther
+        let half = coarse.resolution().0.hypot(coarse.resolution().1) / 2.0;
+        let (near, far) = (self.distance.0 - half, self.distance.1 + half);
+        for (row, seen) in seen.chunks_mut(coarse.columns()).enumerate() {
+            let x = coarse.x_of_row(row as f64) - self.from[0];
+            for (column, seen) in seen.iter_mut().enumerate() {
+                let distance = x.hypot(coarse.y_of_column(column as f64) - self.from[1]);
+                *seen &= distance >= near && distance < far;
+            }
+        }
+        Ok(seen)
+    }
+
+    /// Adds what the frame shows of a window of a tile, whose first cell is the tile's cell `at` (row, column). Returns how
+    /// many cells counted. Averages are those of [`Interpolation::Area`].
+    ///
+    /// # Errors
+    /// [`MosaicError`], and those of [`Lut::new`] and [`Lut::warp`]; nothing has been added then.
+    pub fn add<T: Value>(
+        &self,
+        image: &ImageView<'_, T>,
+        window: &BevGrid,
+        tile: Tile<'_, T>,
+        at: (usize, usize),
+        threads: Option<usize>,
+    ) -> Result<usize> {
+        let (rows, columns, side, channels) = (window.rows(), window.columns(), tile.side, tile.channels);
+        if image.channels() != channels {
+            return Err(Error::Mosaic(MosaicError::Channels { expected: channels, got: image.channels() }));
+        }
+        if at.0 + rows > side || at.1 + columns > side {
+            return Err(Error::Mosaic(MosaicError::Window { side, rows, columns, at }));
+        }
+        let lut = self.table(window)?;
+        let options = WarpOptions { interpolation: Interpolation::Area, threads, ..WarpOptions::default() };
+        let values = lut.warp(image, &options)?;
+        let threads = Work::bytes(rows * columns * (24 + 32 * channels)).threads(threads)?;
+        let band_rows = parallel::rows_per_band(rows, columns, threads);
+        let mut bands = buffer::reserved(WHAT, rows.div_ceil(band_rows))?;
+        let (_, mut left) = tile.layers.split(at.0 * side, channels);
+        for first in (0..rows).step_by(band_rows) {
+            let count = band_rows.min(rows - first);
+            let (layers, below) = left.split(count * side, channels);
+            bands.push(Band { layers, rows: first..first + count, counted: 0 });
+            left = below;
+        }
+        let whole = ((self.weight * f64::from(WHOLE)).round() as u32).clamp(1, WHOLE);
+        let shared = Shared { frame: self, lut: &lut, window, values: &values, channels, side, column: at.1, whole };
+        parallel::for_each(threads, bands.iter_mut(), |band: &mut Band<'_, T>| band.add(&shared))?;
+        Ok(bands.iter().map(|band| band.counted).sum())
+    }
+}
+
+/// What all bands of a window need.
+struct Shared<'a, T> {
+    frame: &'a Frame<'a>,
+    lut: &'a Lut,
+    window: &'a BevGrid,
+    values: &'a [T],
+    channels: usize,
+    side: usize,
+    column: usize,
+    whole: u32,
+}
+
+/// Some rows of a window, and the tile's layers there.
+struct Band<'a, T> {
+    layers: Layers<'a, T>,
+    rows: std::ops::Range<usize>,
+    counted: usize,
+}
+
+impl<T: Value> Band<'_, T> {
+    fn add(&mut self, shared: &Shared<'_, T>) -> Result<()> {
+        let &Shared { frame, lut, window, values, channels, side, column, whole } = shared;
+        let (isa, columns) = (Isa::active()?, window.columns());
+        let mut resolution = Resolution::of(lut)?;
+        let mut resolutions = buffer::zeroed::<f32>(WHAT, columns)?;
+        let mut distances = buffer::zeroed::<f64>(WHAT, columns)?;
+        let mut scratch = buffer::filled(WHAT, columns, (0u32, 0u64))?;
+        for (below, row) in self.rows.clone().enumerate() {
+            let x = window.x_of_row(row as f64) - frame.from[0];
+            for span in lut.table().row(row).filter(|span| span.kind.is_valid()) {
+                let cells = span.first..span.first + span.cells;
+                let resolutions = &mut resolutions[..span.cells];
+                resolution.read(row, cells.clone(), resolutions)?;
+                for (distance, column) in distances.iter_mut().zip(cells.clone()) {
+                    let y = window.y_of_column(column as f64) - frame.from[1];
+                    *distance = x * x + y * y;
+                }
+                let first = below * side + column + span.first;
+                let numbers = (row * columns + cells.start) * channels..(row * columns + cells.end) * channels;
+                self.counted += Cells {
+                    layers: self.layers.cells(first..first + span.cells, channels),
+                    channels,
+                    values: &values[numbers],
+                    resolutions,
+                    distances: &distances,
+                    distance: frame.distance,
+                    whole,
+                    scratch: &mut scratch[..span.cells],
+                }
+                .add(isa);
+            }
+        }
+        Ok(())
+    }
+}
