@@ -134,7 +134,7 @@ pub fn points_from_depth_into<'a, D: DepthRows, O: PointSample>(
     })
 }
 
-/// The points of a depth image that are some, without the pixels that have none.
+/// The points of a depth image, without the pixels that have none.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct DepthCloud<O> {
     /// Row by row of the image, from left to right.

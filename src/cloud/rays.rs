@@ -35,7 +35,7 @@ impl PixelRays {
         Ok(Self { camera: *camera, rays })
     }
 
-    /// The camera whose they are.
+    /// The camera that they are the rays of.
     pub fn camera(&self) -> &Camera {
         &self.camera
     }

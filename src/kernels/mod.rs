@@ -126,7 +126,6 @@ pub(crate) type ExactKernel<T, F> = fn(&Source<'_, T>, Exact<'_, F>, &mut [T]);
 
 /// Neighbouring footprints that are averaged alike, and where their probes lie: at centre + along a + down d, for each
 /// of the offsets a along one side of the footprint and d along the other.
-#[cfg_attr(target_arch = "aarch64", expect(dead_code, reason = "NEON has no kernel for them"))]
 pub(crate) struct Probes<'a> {
     /// Where each cell samples, on a source of this width: as [`SpanKind::Inside`](crate::table::SpanKind) says.
     pub(crate) taps: &'a [Tap],
@@ -152,7 +151,6 @@ pub(crate) struct Probes<'a> {
 
 impl Probes<'_> {
     /// Probes of a footprint: at most 256.
-    #[cfg_attr(target_arch = "aarch64", expect(dead_code, reason = "NEON has no kernel for them"))]
     pub(crate) fn count(&self) -> u32 {
         (self.offsets[0].len() * self.offsets[1].len()) as u32
     }

@@ -1,7 +1,9 @@
 //! The kernels in plain Rust: the definition that every other instruction set is tested against with `==`.
 
+use super::average::Average;
 use super::places::Places;
-use super::{Source, sealed::Blend};
+use super::{Probes, Source, sealed::Blend};
+use crate::cpu::Isa;
 use crate::kernels::Fraction;
 use crate::table::{Tap, unframed};
 use crate::view::Sample;
@@ -84,6 +86,38 @@ pub(super) fn blend_cells<T: Blend, P: Places<T>, const CHANNELS: usize, const C
             *value = T::blend(weights, [top[channel], top[right], bottom[channel], bottom[right]]);
         }
     }
+}
+
+/// Averages of probes cell by cell, where the wide loads of an instruction set would leave an image of `CHANNELS` channels.
+/// `taps_of` says where the probe at these offsets looks in `LANES` footprints, as offsets and as fractions of x in the low
+/// and of y in the high half; the cells begin with the footprint `first`.
+#[cold]
+pub(super) fn probes<const CHANNELS: usize, const LANES: usize>(
+    source: &Source<'_, u8>,
+    probes: &Probes<'_>,
+    first: usize,
+    cells: &mut [u8],
+    taps_of: impl Fn(i16, i16) -> ([u32; LANES], [u32; LANES]),
+) {
+    let (mut sums, mut blends) = ([[0; 4]; LANES], [[0; 4]; LANES]);
+    let (sums, blends) = (&mut sums.as_flattened_mut()[..cells.len()], &mut blends.as_flattened_mut()[..cells.len()]);
+    let all = probes.offsets[0].iter().flat_map(|&along| probes.offsets[1].iter().map(move |&down| (along, down)));
+    for (index, (along, down)) in all.enumerate() {
+        let (offsets, fractions) = taps_of(along, down);
+        let taps: [Tap; LANES] = std::array::from_fn(|cell| Tap {
+            offset: offsets[cell],
+            x: fractions[cell] as u16,
+            y: (fractions[cell] >> 16) as u16,
+        });
+        let taps = &taps[first..][..cells.len() / CHANNELS];
+        if index == 0 {
+            bilinear::<u8, &[Tap], CHANNELS, false>(source, taps, cells);
+        } else {
+            bilinear::<u8, &[Tap], CHANNELS, false>(source, taps, blends);
+            <u8 as Average>::add(Isa::Scalar, cells, blends, sums);
+        }
+    }
+    <u8 as Average>::finish(Isa::Scalar, probes.count(), probes.round_bias, sums, cells);
 }
 
 /// Cells on the rim and in the halo: missing pixels count as the border value. A pixel without weight is not looked

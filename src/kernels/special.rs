@@ -112,7 +112,6 @@ pub(super) fn bilinear_u8(isa: Isa, channels: usize) -> Option<RowKernel<u8>> {
 }
 
 /// Averages of probes into 8-bit images.
-#[cfg_attr(not(target_arch = "x86_64"), expect(unused_variables, reason = "only x86-64 has such kernels"))]
 pub(super) fn probes_u8(isa: Isa, channels: usize) -> Option<ProbesKernel<u8>> {
     by_isa!(
         isa,
@@ -127,7 +126,11 @@ pub(super) fn probes_u8(isa: Isa, channels: usize) -> Option<ProbesKernel<u8>> {
             4 => kernel!(avx512::probes_u8::<4>),
             _ => None,
         },
-        Neon => None,
+        Neon => match channels {
+            3 => kernel!(neon::probes_u8::<3>),
+            4 => kernel!(neon::probes_u8::<4>),
+            _ => None,
+        },
     )
 }
 

@@ -6,8 +6,6 @@ use std::arch::x86_64::*;
 
 use super::bytes::{LOADED, Weights, colour_sums, store_colour};
 use super::{CELLS, Cells, Group, all_at_most, lanes, positions, vector};
-use crate::cpu::Isa;
-use crate::kernels::average::Average;
 use crate::kernels::plane::Plane;
 use crate::kernels::{Probes, Source, scalar};
 use crate::table::Tap;
@@ -51,7 +49,10 @@ pub(in crate::kernels) fn probes_u8<const CHANNELS: usize>(
             };
             let sums = plane.as_ref().and_then(|plane| group.sum::<CHANNELS>(plane, limit, probes));
             let Some(sums) = sums else {
-                one_by_one::<CHANNELS>(source, probes, &group, cells);
+                scalar::probes::<CHANNELS, CELLS>(source, probes, 0, cells, |along, down| {
+                    let (offsets, fractions) = group.probe(probes, along, down);
+                    (lanes(offsets), lanes(fractions))
+                });
                 continue;
             };
             if cells.len() == CELLS * CHANNELS {
@@ -205,7 +206,7 @@ impl Footprints {
     }
 }
 
-/// How sums become averages; see [`Average::finish`].
+/// How sums become averages; see [`Average::finish`](crate::kernels::average::Average::finish).
 struct Finish {
     half: __m256i,
     /// log2 of the number of probes, if it is a power of two.
@@ -240,36 +241,4 @@ impl Finish {
         };
         [average(first), average(second)]
     }
-}
-
-/// Averages the probes cell by cell, where wide loads would leave the image.
-#[cold]
-#[target_feature(enable = "avx2")]
-fn one_by_one<const CHANNELS: usize>(
-    source: &Source<'_, u8>,
-    probes: &Probes<'_>,
-    group: &Footprints,
-    cells: &mut [u8],
-) {
-    let (mut sums, mut blends) = ([0; 4 * CELLS], [0; 4 * CELLS]);
-    let (sums, blends) = (&mut sums[..cells.len()], &mut blends[..cells.len()]);
-    for (index, (&along, &down)) in
-        probes.offsets[0].iter().flat_map(|along| probes.offsets[1].iter().map(move |down| (along, down))).enumerate()
-    {
-        let (offsets, fractions) = group.probe(probes, along, down);
-        let (offsets, fractions) = (lanes(offsets), lanes(fractions));
-        let taps: [Tap; CELLS] = std::array::from_fn(|cell| Tap {
-            offset: offsets[cell],
-            x: fractions[cell] as u16,
-            y: (fractions[cell] >> 16) as u16,
-        });
-        let taps = &taps[..cells.len() / CHANNELS];
-        if index == 0 {
-            scalar::bilinear::<u8, &[Tap], CHANNELS, false>(source, taps, cells);
-        } else {
-            scalar::bilinear::<u8, &[Tap], CHANNELS, false>(source, taps, blends);
-            <u8 as Average>::add(Isa::Scalar, cells, blends, sums);
-        }
-    }
-    <u8 as Average>::finish(Isa::Scalar, probes.count(), probes.round_bias, sums, cells);
 }

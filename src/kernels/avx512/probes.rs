@@ -9,8 +9,6 @@ use std::ops::Range;
 
 use super::all_within;
 use super::bytes::{Reach, Weights, gather, load_widest, load_window, near, planar, wide, widest};
-use crate::cpu::Isa;
-use crate::kernels::average::Average;
 use crate::kernels::plane::Plane;
 use crate::kernels::{Probes, Source, scalar};
 use crate::table::Tap;
@@ -52,7 +50,14 @@ pub(in crate::kernels) fn probes_u8<const CHANNELS: usize>(
         };
         match sums {
             Some(sums) => store::<CHANNELS>(finish.bytes(sums), lanes.start, cells),
-            None => one_by_one::<CHANNELS>(source, probes, &group, lanes.start, cells),
+            None => scalar::probes::<CHANNELS, LANES>(source, probes, lanes.start, cells, |along, down| {
+                let numbers = |lanes: __m512i| {
+                    // SAFETY: sixteen lanes are 64 bytes, of which any are numbers.
+                    unsafe { std::mem::transmute::<__m512i, [u32; LANES]>(lanes) }
+                };
+                let (offsets, fractions) = group.probe(probes, _mm512_set1_epi32(together(&along, &down)));
+                (numbers(offsets), numbers(fractions))
+            }),
         }
         lanes.start = 0;
     }
@@ -283,7 +288,7 @@ fn pairs_of_planar([r, g, b, a]: [__m512i; 4]) -> [__m512i; 2] {
     [_mm512_unpacklo_epi32(rg, ba), _mm512_unpackhi_epi32(rg, ba)]
 }
 
-/// How sums become averages; see [`Average::finish`].
+/// How sums become averages; see [`Average::finish`](crate::kernels::average::Average::finish).
 struct Finish {
     half: __m512i,
     /// log2 of the number of probes, if it is a power of two.
@@ -332,41 +337,4 @@ fn store<const CHANNELS: usize>(sixteen: __m512i, first: usize, cells: &mut [u8]
     let mut all = [0; 64];
     super::bytes::store_cells::<CHANNELS>(sixteen, &mut all[..LANES * CHANNELS]);
     cells.copy_from_slice(&all[first * CHANNELS..][..cells.len()]);
-}
-
-/// Averages the probes cell by cell, where wide loads would leave the image.
-#[cold]
-#[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512vbmi,avx512vnni")]
-fn one_by_one<const CHANNELS: usize>(
-    source: &Source<'_, u8>,
-    probes: &Probes<'_>,
-    group: &Group,
-    first: usize,
-    cells: &mut [u8],
-) {
-    let (mut sums, mut blends) = ([0; 64], [0; 64]);
-    let (sums, blends) = (&mut sums[..cells.len()], &mut blends[..cells.len()]);
-    for (index, (along, down)) in
-        probes.offsets[0].iter().flat_map(|along| probes.offsets[1].iter().map(move |down| (along, down))).enumerate()
-    {
-        let numbers = |lanes: __m512i| {
-            // SAFETY: sixteen lanes are 64 bytes, of which any are numbers.
-            unsafe { std::mem::transmute::<__m512i, [u32; LANES]>(lanes) }
-        };
-        let (offsets, fractions) = group.probe(probes, _mm512_set1_epi32(together(along, down)));
-        let (offsets, fractions) = (numbers(offsets), numbers(fractions));
-        let taps: [Tap; LANES] = std::array::from_fn(|cell| Tap {
-            offset: offsets[cell],
-            x: fractions[cell] as u16,
-            y: (fractions[cell] >> 16) as u16,
-        });
-        let taps = &taps[first..][..cells.len() / CHANNELS];
-        if index == 0 {
-            scalar::bilinear::<u8, &[Tap], CHANNELS, false>(source, taps, cells);
-        } else {
-            scalar::bilinear::<u8, &[Tap], CHANNELS, false>(source, taps, blends);
-            <u8 as Average>::add(Isa::Scalar, cells, blends, sums);
-        }
-    }
-    <u8 as Average>::finish(Isa::Scalar, probes.count(), probes.round_bias, sums, cells);
 }

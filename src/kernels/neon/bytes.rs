@@ -58,7 +58,7 @@ fn highest<const CHANNELS: usize>(plane: &Plane<'_>, rows: &Rows, offsets: uint3
 }
 
 /// The Q15 weights of eight cells.
-struct Weights {
+pub(super) struct Weights {
     top_left: uint16x8_t,
     top_right: uint16x8_t,
     bottom_left: uint16x8_t,
@@ -68,7 +68,7 @@ struct Weights {
 impl Weights {
     #[inline]
     #[target_feature(enable = "neon")]
-    fn new(low: uint32x4_t, high: uint32x4_t) -> Self {
+    pub(super) fn new(low: uint32x4_t, high: uint32x4_t) -> Self {
         let (low, high) = (vreinterpretq_u16_u32(low), vreinterpretq_u16_u32(high));
         let fraction = |with_step| vandq_u16(with_step, vdupq_n_u16(0x7fff));
         let (fx, fy) = (fraction(vuzp1q_u16(low, high)), fraction(vuzp2q_u16(low, high)));
@@ -179,7 +179,7 @@ fn pairs(pairs: [u16; 8]) -> uint16x8_t {
 /// Eight cells of 3 or 4 channels, four bytes each.
 #[inline]
 #[target_feature(enable = "neon")]
-fn blend<const CHANNELS: usize>(rows: Rows, weights: &Weights) -> uint8x16x2_t {
+pub(super) fn blend<const CHANNELS: usize>(rows: Rows, weights: &Weights) -> uint8x16x2_t {
     let row = |cell: usize| (load_row::<CHANNELS>(rows[cell].0), load_row::<CHANNELS>(rows[cell].1));
     macro_rules! two {
         ($first:literal, $second:literal) => {{
@@ -216,7 +216,7 @@ fn load_row<const CHANNELS: usize>(at: *const u8) -> uint16x8_t {
 
 #[inline]
 #[target_feature(enable = "neon")]
-fn store_four(eight: uint8x16x2_t, cells: &mut [u8]) {
+pub(super) fn store_four(eight: uint8x16x2_t, cells: &mut [u8]) {
     assert_eq!(cells.len(), 32);
     // SAFETY: `cells` holds 32 bytes.
     unsafe {
@@ -228,7 +228,7 @@ fn store_four(eight: uint8x16x2_t, cells: &mut [u8]) {
 /// Without every fourth byte.
 #[inline]
 #[target_feature(enable = "neon")]
-fn store_three(eight: uint8x16x2_t, cells: &mut [u8]) {
+pub(super) fn store_three(eight: uint8x16x2_t, cells: &mut [u8]) {
     assert_eq!(cells.len(), 24);
     #[rustfmt::skip]
     const KEPT: [u8; 24] = [

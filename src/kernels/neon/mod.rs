@@ -8,10 +8,12 @@
 mod bytes;
 mod floats;
 mod nearest;
+mod probes;
 
 pub(super) use bytes::bilinear_u8;
 pub(super) use floats::bilinear_float;
 pub(super) use nearest::nearest;
+pub(super) use probes::probes_u8;
 
 use std::arch::aarch64::*;
 
