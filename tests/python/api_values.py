@@ -471,6 +471,16 @@ RECIPES: dict[str, Callable[[Values], tuple[Callable[..., Any], Arguments]]] = {
         {"resolution": 0.25, "tile": 64, "channels": 1, "dtype": "uint8", "memory": 1 << 20},
     ),
     "Mosaic.add": _mosaic_add,
+    "Mosaic.refine": lambda v: (
+        _mosaic().refine,
+        {
+            "frames": [(CAMERAS[0], np.full((HEIGHT, WIDTH), 9, np.uint8), np.eye(4))],
+            "iterations": 1,
+            "ground": v.rng.choice([0.0, "wheels"]),
+            "distance": (1, 9),
+            "threads": 1,
+        },
+    ),
     "Mosaic.merge": lambda v: (_mosaic().merge, {"other": MOSAIC}),
     "Mosaic.window": lambda v: (MOSAIC.window, {"x": (2.0, 6.0), "y": (-1, 1)}),
     "Mosaic.image": lambda v: (MOSAIC.image, {"x": (2.0, 6.0), "y": (-1, 1), "blend": "best"}),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, Literal
 
 import numpy as np
@@ -16,7 +16,8 @@ from ipm_rs.files.atomic import as_path
 from ipm_rs.mosaic._cache import Tiles
 from ipm_rs.mosaic._checks import dtype_of, overlap, range_of, whole_of
 from ipm_rs.mosaic._frames import checked_pictures
-from ipm_rs.mosaic._placing import cells_grid, distance_of, ground_in_map, placed, pose_of, windows
+from ipm_rs.mosaic._placing import Placed, Window, cells_grid, distance_of, ground_in_map, placed, pose_of, windows
+from ipm_rs.mosaic._refining import refined
 from ipm_rs.mosaic._store import Store, cells_of, check_same
 from ipm_rs.mosaic._tiles import Kind, TileKey
 from ipm_rs.mosaic._views import BLENDS, LAYERS, layer_names, view_of
@@ -30,7 +31,7 @@ _MOST_CELLS = 1 << 28
 _COMMIT = 200
 """Frames from one commit to the next: it rewrites some ten tiles, 10 MB each, which is a part of what adding costs."""
 
-Blend = Literal["weighted", "best", "mean"]
+Blend = Literal["refined", "weighted", "best", "mean"]
 
 
 class Mosaic:
@@ -307,21 +308,90 @@ class Mosaic:
         plan = [(picture.image, frame, list(windows(frame, self._resolution, self._side))) for picture, frame in shown]
         for key in {window.key for _, _, parts in plan for window in parts}:
             kind.check_room(self._tiles.frames(key) + len(plan))
-        self._kind, self._broken, cells = kind, True, 0
+        self._kind = kind
+        cells = self.accumulate(plan, threads)
+        self._count(1, () if name is None else (name,))
+        if self._uncommitted >= _COMMIT:
+            self.commit()
+        return cells
+
+    def refine(
+        self,
+        frames: Iterable[tuple[Camera | Rig | Mapping[str, Camera], Any, ArrayLike]],
+        iterations: int = 2,
+        *,
+        ground: float | Plane | HeightMap | Literal["wheels"] = 0.0,
+        distance: Sequence[float] | None = None,
+        threads: int | None = None,
+    ) -> None:
+        """Make the picture sharper than any frame, where none resolves a cell: the road that explains all frames.
+
+        What each frame shows beyond the map, as its camera would see that, is brought back to the cells and added, in
+        few and damped steps. Cells that a frame resolves with 1.6 pixels or more stay as they are. `image` shows the
+        result from then on, until a frame is added to a tile; the sums are not touched. Takes some ten bytes for each
+        cell of the map in memory.
+
+        Parameters
+        ----------
+        frames : iterable of (camera, image, map_from_vehicle)
+            Those that were added, as `add` takes them. Gone through once for each iteration, so no generator.
+        iterations : int
+            1 to 20. After two or three, noise grows.
+        ground, distance, threads
+            As for `add`.
+
+        Raises
+        ------
+        MosaicError
+            There is no frame in the map.
+        ArgumentError, ArgumentTypeError, ImageError, DtypeError, CalibrationError
+            As `add`; the picture stays as it was.
+        """
+        self._check_whole()
+        steps, limits = whole_of("iterations", iterations, 1, 20), distance_of(distance)
+        threads = None if threads is None else whole_of("threads", threads, 1, 1024)
+        if not isinstance(frames, Iterable) or iter(frames) is frames:
+            raise ArgumentTypeError(
+                f"frames: expected a list of (camera, image, map_from_vehicle), got {type(frames).__name__}; it is "
+                "gone through several times"
+            )
+        kind = self._kind
+        if kind is None or not self._tiles.keys():
+            raise MosaicError("mosaic: expected a map of frames to refine, got an empty one; add them first")
+
+        def shown() -> Iterator[tuple[NDArray[Any], Placed, list[Window]]]:
+            for frame in frames:
+                if not isinstance(frame, (tuple, list)) or len(frame) != 3:
+                    raise ArgumentTypeError(
+                        f"frames: expected (camera, image, map_from_vehicle), got {type(frame).__name__}"
+                    )
+                pose = pose_of(frame[2])
+                for picture in checked_pictures(frame[0], frame[1], None, kind.channels, kind.dtype, 1.0):
+                    camera = placed(picture.camera, pose, ground_in_map(ground, pose), limits, 1.0)
+                    parts = [part for part in windows(camera, self._resolution, self._side) if part.key in self._tiles]
+                    yield picture.image, camera, parts
+
+        for key, picture in refined(self, shown, steps, threads, self._tiles.store is not None).items():
+            tile = self._tiles.get(key, kind)
+            assert tile is not None
+            tile.refined, tile.dirty = picture, True
+
+    def accumulate(self, plan: list[tuple[NDArray[Any], Placed, list[Window]]], threads: int | None) -> int:
+        """Add placed pictures to windows of tiles, all checked; returns how many cells were seen."""
+        image = plan[0][0]
+        kind = self._kind = self._kind or Kind(self._side, 1 if image.ndim == 2 else image.shape[2], image.dtype)
+        self._broken, cells = True, 0
         for picture, frame, parts in plan:
             for window in parts:
                 kept = self._tiles.get(window.key, kind)
                 tile = kind.empty() if kept is None else kept
                 seen = _mosaic_add(frame, picture, window.grid, tile.arrays, window.at, threads)
                 if seen:
-                    tile.frames, tile.dirty = tile.frames + 1, True
+                    tile.changed(1)
                     if kept is None:
                         self._tiles.put(window.key, tile, kind)
                 cells += seen
         self._broken = False
-        self._count(1, () if name is None else (name,))
-        if self._uncommitted >= _COMMIT:
-            self.commit()
         return cells
 
     def merge(self, other: Mosaic) -> None:
@@ -380,7 +450,7 @@ class Mosaic:
         return self._grid(*self._cells(x, y))
 
     def image(
-        self, x: Sequence[float] | None = None, y: Sequence[float] | None = None, *, blend: Blend = "weighted"
+        self, x: Sequence[float] | None = None, y: Sequence[float] | None = None, *, blend: Blend = "refined"
     ) -> NDArray[Any]:
         """Return the picture of a window: (rows, columns) or (rows, columns, C) of the map's dtype, 0 where nothing is.
 
@@ -390,9 +460,9 @@ class Mosaic:
         ----------
         x, y : (min, max), optional
             Metres, whole cells; by default all that there is.
-        blend : {"weighted", "best", "mean"}
-            "weighted": all frames that resolve the cell share it, otherwise the best one counts most. "best": the one
-            frame that resolved it best. "mean": all frames alike.
+        blend : {"refined", "weighted", "best", "mean"}
+            "refined": what `refine` made, where it did, else "weighted": all frames that resolve the cell share it,
+            otherwise the best one counts most. "best": the one frame that resolved it best. "mean": all frames alike.
 
         Raises
         ------
@@ -411,7 +481,7 @@ class Mosaic:
         """Return layers of a window by their names.
 
         ============ ====================================================================================
-        ``weighted`` as `image`, likewise ``best`` and ``mean``
+        ``weighted`` as `image`, likewise ``refined``, ``best`` and ``mean``
         ``std``      float32: the standard deviation of the frames' values, which is large where things moved
         ``count``    uint32: how many frames saw the cell
         ``density``  float32: pixels a cell, in the worse direction, of the frame that resolved it best; up to 16
@@ -425,13 +495,17 @@ class Mosaic:
         """
         wanted = layer_names("names", names_of("names", names), LAYERS)
         self._check_whole()
-        (first_x, end_x), (first_y, end_y) = self._cells(x, y)
+        return self.read(*self._cells(x, y), wanted)
+
+    def read(self, x: tuple[int, int], y: tuple[int, int], wanted: list[str]) -> dict[str, NDArray[Any]]:
+        """Return layers of a window that is given in cells."""
+        (first_x, end_x), (first_y, end_y) = x, y
         if self._kind is None:
             raise ArgumentError("mosaic: expected frames to read a picture of, got none; add some")
-        blank = Kind(1, self._kind.channels, self._kind.dtype).empty().arrays
+        blank, all_of_it = Kind(1, self._kind.channels, self._kind.dtype).empty(), slice(None)
         found: dict[str, NDArray[Any]] = {}
         for name in wanted:
-            pattern = view_of(name, blank)
+            pattern = view_of(name, blank, all_of_it, all_of_it)
             found[name] = np.zeros((end_x - first_x, end_y - first_y, *pattern.shape[2:]), pattern.dtype)
         side = self._side
         for i in range(first_x // side, (end_x - 1) // side + 1):
@@ -441,12 +515,11 @@ class Mosaic:
                     continue
                 rows, into_rows = overlap(i, side, first_x, end_x)
                 columns, into_columns = overlap(j, side, first_y, end_y)
-                part = tile.arrays.part(rows, columns)
                 for name, layer in found.items():
-                    layer[into_rows, into_columns] = view_of(name, part)
+                    layer[into_rows, into_columns] = view_of(name, tile, rows, columns)
         return found
 
-    def export_tiles(self, directory: str | os.PathLike[str], *, blend: Blend = "weighted") -> int:
+    def export_tiles(self, directory: str | os.PathLike[str], *, blend: Blend = "refined") -> int:
         """Write the map as picture tiles of 256 pixels, ``<z>/<x>/<y>.png``, and a page that shows them.
 
         ``index.html`` needs no internet and no program on the server; opened as a file it works as well. x points up.
@@ -480,7 +553,7 @@ class Mosaic:
         *,
         crs: Any,
         origin: Sequence[float] = (0.0, 0.0),
-        blend: Blend = "weighted",
+        blend: Blend = "refined",
     ) -> None:
         """Write the map as a GeoTIFF with overviews: x to the east, y to the north, cells that nobody saw transparent.
 
@@ -492,7 +565,7 @@ class Mosaic:
             The coordinate system, in metres, such as ``"EPSG:32632"`` (UTM 32 north).
         origin : (east, north)
             What is added to the map's coordinates.
-        blend : {"weighted", "best", "mean"}
+        blend : {"refined", "weighted", "best", "mean"}
             As in `image`.
 
         Raises
@@ -527,8 +600,7 @@ class Mosaic:
 
     def _picture(self, x: tuple[int, int], y: tuple[int, int], blend: str) -> tuple[NDArray[Any], NDArray[np.bool_]]:
         """Return a picture and its mask of a window in cells."""
-        r = self._resolution
-        layers = self.layers((x[0] * r, x[1] * r), (y[0] * r, y[1] * r), names=(blend, "mask"))
+        layers = self.read(x, y, [blend, "mask"])
         return layers[blend], layers["mask"]
 
     def _count(self, frames: int, names: Iterable[str]) -> None:

@@ -23,7 +23,7 @@ import numpy as np
 
 from ipm_rs.errors import FileError, MosaicError
 from ipm_rs.files.atomic import as_path, atomically, check_source, reading
-from ipm_rs.mosaic._tiles import Arrays, Kind, Tile, TileKey
+from ipm_rs.mosaic._tiles import Kind, Tile, TileKey
 
 try:
     import fcntl
@@ -105,8 +105,10 @@ class Store:
             np.load(opened, allow_pickle=False) as file,
         ):
             top, left = (int(edge) for edge in file["at"])
-            layers: Any = tile.arrays
-            for name, layer in zip(Arrays._fields, layers, strict=True):
+            layers: Any = tile.arrays._asdict()
+            if "refined" in file.files:
+                tile.refined = layers["refined"] = np.zeros_like(tile.arrays.bests)
+            for name, layer in layers.items():
                 part: Any = file[name]
                 rows, columns = part.shape[:2]
                 window = layer[top : top + rows, left : left + columns]
@@ -124,6 +126,8 @@ class Store:
         box = (slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)) if len(rows) else (slice(0), slice(0))
         at = np.array([rows[0], columns[0]] if len(rows) else [0, 0])
         layers: dict[str, Any] = tile.arrays.part(*box)._asdict()
+        if tile.refined is not None:
+            layers["refined"] = tile.refined[box]
         with atomically(self._file(key, number)) as file:
             np.savez(file, at=at, **layers)
         before = self._written.get(key)

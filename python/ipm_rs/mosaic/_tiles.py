@@ -79,11 +79,19 @@ class Kind:
 
 @dataclass
 class Tile:
-    """A tile's layers, how many frames were added, and whether they differ from what is stored."""
+    """A tile's layers, how many frames were added, and whether they differ from what is stored.
+
+    `refined` is the picture that `Mosaic.refine` made of them, until something is added.
+    """
 
     arrays: Arrays
     frames: int = 0
     dirty: bool = False
+    refined: NDArray[Any] | None = None
+
+    def changed(self, frames: int) -> None:
+        """Note that so many frames were added."""
+        self.frames, self.dirty, self.refined = self.frames + frames, True, None
 
     def merge(self, other: Tile) -> None:
         """Add another tile's sums: what comes out is what adding its frames would have given."""
@@ -96,8 +104,7 @@ class Tile:
         better = higher | ((theirs.resolutions == mine.resolutions) & larger)
         mine.bests[better] = theirs.bests[better]
         np.maximum(mine.resolutions, theirs.resolutions, out=mine.resolutions)
-        self.frames += other.frames
-        self.dirty = True
+        self.changed(other.frames)
 
 
 def larger_value(one: NDArray[Any], other: NDArray[Any]) -> NDArray[np.bool_]:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ipm_rs._arguments import check_word
 from ipm_rs.errors import ArgumentError
-from ipm_rs.mosaic._tiles import Arrays
+from ipm_rs.mosaic._tiles import Arrays, Tile
 
 __all__ = ["BLENDS", "LAYERS", "layer_names", "view_of"]
 
@@ -38,7 +38,16 @@ def _std(arrays: Arrays) -> NDArray[Any]:
     return np.sqrt(np.maximum(arrays.squares / count - mean * mean, 0.0)).astype(np.float32)
 
 
-BLENDS: dict[str, Callable[[Arrays], NDArray[Any]]] = {"weighted": _weighted, "best": _best, "mean": _mean}
+def _refined(arrays: Arrays) -> NDArray[Any]:
+    return _weighted(arrays)  # where a tile has no refined picture
+
+
+BLENDS: dict[str, Callable[[Arrays], NDArray[Any]]] = {
+    "refined": _refined,
+    "weighted": _weighted,
+    "best": _best,
+    "mean": _mean,
+}
 LAYERS: dict[str, Callable[[Arrays], NDArray[Any]]] = {
     **BLENDS,
     "std": _std,
@@ -58,7 +67,8 @@ def layer_names(name: str, wanted: list[str], known: dict[str, Any]) -> list[str
     return wanted
 
 
-def view_of(name: str, arrays: Arrays) -> NDArray[Any]:
-    """Return a layer; of one channel without an axis for it."""
-    view = LAYERS[name](arrays)
+def view_of(name: str, tile: Tile, rows: slice, columns: slice) -> NDArray[Any]:
+    """Return a layer of some cells of a tile; of one channel without an axis for it."""
+    own = tile.refined if name == "refined" else None
+    view = LAYERS[name](tile.arrays.part(rows, columns)) if own is None else own[rows, columns]
     return view[..., 0] if name not in _OF_CELLS and view.shape[2] == 1 else view
