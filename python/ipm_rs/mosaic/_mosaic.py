@@ -309,7 +309,7 @@ class Mosaic:
         for key in {window.key for _, _, parts in plan for window in parts}:
             kind.check_room(self._tiles.frames(key) + len(plan))
         self._kind = kind
-        cells = self.accumulate(plan, threads)
+        cells = self._accumulate(plan, threads)
         self._count(1, () if name is None else (name,))
         if self._uncommitted >= _COMMIT:
             self.commit()
@@ -376,7 +376,7 @@ class Mosaic:
             assert tile is not None
             tile.refined, tile.dirty = picture, True
 
-    def accumulate(self, plan: list[tuple[NDArray[Any], Placed, list[Window]]], threads: int | None) -> int:
+    def _accumulate(self, plan: list[tuple[NDArray[Any], Placed, list[Window]]], threads: int | None) -> int:
         """Add placed pictures to windows of tiles, all checked; returns how many cells were seen."""
         image = plan[0][0]
         kind = self._kind = self._kind or Kind(self._side, 1 if image.ndim == 2 else image.shape[2], image.dtype)
@@ -495,9 +495,9 @@ class Mosaic:
         """
         wanted = layer_names("names", names_of("names", names), LAYERS)
         self._check_whole()
-        return self.read(*self._cells(x, y), wanted)
+        return self._read(*self._cells(x, y), wanted)
 
-    def read(self, x: tuple[int, int], y: tuple[int, int], wanted: list[str]) -> dict[str, NDArray[Any]]:
+    def _read(self, x: tuple[int, int], y: tuple[int, int], wanted: list[str]) -> dict[str, NDArray[Any]]:
         """Return layers of a window that is given in cells."""
         (first_x, end_x), (first_y, end_y) = x, y
         if self._kind is None:
@@ -600,7 +600,7 @@ class Mosaic:
 
     def _picture(self, x: tuple[int, int], y: tuple[int, int], blend: str) -> tuple[NDArray[Any], NDArray[np.bool_]]:
         """Return a picture and its mask of a window in cells."""
-        layers = self.read(x, y, [blend, "mask"])
+        layers = self._read(x, y, [blend, "mask"])
         return layers[blend], layers["mask"]
 
     def _count(self, frames: int, names: Iterable[str]) -> None:

@@ -136,11 +136,11 @@ def refined(
             for image, camera, parts in shown():
                 if parts:
                     picture, scale = encoded(textures.difference(camera, image, parts, mosaic.resolution), dtype)
-                    missing.accumulate([(picture, camera, parts)], threads)
+                    missing._accumulate([(picture, camera, parts)], threads)
             new: dict[TileKey, Array] = {}
             for i, j in mosaic.tiles:
                 x, y = (i * side - 1, (i + 1) * side + 1), (j * side - 1, (j + 1) * side + 1)
-                layers = missing.read(x, y, ["weighted", "mask"])
+                layers = missing._read(x, y, ["weighted", "mask"])
                 difference = (layers["weighted"].reshape(side + 2, side + 2, -1).astype(np.float32) - 32768) / scale
                 difference[~layers["mask"]] = 0
                 gate = gates.window(x, y)[0][..., 0]
