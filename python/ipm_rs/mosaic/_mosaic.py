@@ -436,6 +436,8 @@ class Mosaic:
             mine.merge(theirs)
         self._broken = False
         self._count(other._frames, other._names)
+        if self._uncommitted >= _COMMIT:
+            self.commit()
 
     def window(self, x: Sequence[float] | None = None, y: Sequence[float] | None = None) -> BevGrid:
         """Return the grid of the map's cells in a range of x and of y, all tiles by default.

@@ -1,0 +1,133 @@
+"""A map of the road on many machines: stretches of the drive, each a map of its own, which add up."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any, Literal
+
+from numpy.typing import ArrayLike
+
+from ipm_rs._core import Camera, HeightMap, Plane
+from ipm_rs.errors import ArgumentTypeError
+from ipm_rs.mosaic import Mosaic
+from ipm_rs.ray._batches import image_of
+from ipm_rs.ray._cluster import connected, whole
+from ipm_rs.rig import Rig
+
+__all__ = ["mosaic"]
+
+Frame = tuple[Camera | Rig | Mapping[str, Camera], Any, ArrayLike]
+
+_AT_ONCE = 2
+"""Stretches for each CPU that are under way: one is worked on, and one waits."""
+
+
+def mosaic(
+    frames: Iterable[Frame],
+    into: Mosaic,
+    *,
+    ground: float | Plane | HeightMap | Literal["wheels"] = 0.0,
+    distance: Sequence[float] | None = None,
+    stretch: int = 50,
+    address: str | None = None,
+) -> int:
+    """Add the frames of a drive to a map on a cluster: to the same last bit as one process, in any order of frames.
+
+    Each task adds a stretch of consecutive frames to a map of its own, which is then merged. A worker that dies is
+    replaced and its stretch done again; it is merged once. Into a map with a `path` the same call may be made again
+    after a stop: frames that it holds already are left out.
+
+    Parameters
+    ----------
+    frames : iterable of (camera, image, map_from_vehicle)
+        As `Mosaic.add` takes them; instead of an image the path or URI of its file, which the worker reads, of a rig a
+        mapping of them. A frame's name in the map is its path, else its number.
+    into : Mosaic
+        The map.
+    ground, distance
+        As for `Mosaic.add`.
+    stretch : int
+        Frames for each task. A stretch sends its tiles: 10 MB for each 25 m square at 5 cm.
+    address : str, optional
+        Of the cluster; by default that of this process or of ``RAY_ADDRESS``, or one of this machine's CPUs.
+
+    Returns
+    -------
+    int
+        How many frames were added.
+
+    Raises
+    ------
+    ImageError, FileError, CalibrationError, ArgumentError, ArgumentTypeError, MosaicError
+        As `Mosaic.add`, of the first frame that is wrong; stretches that were merged before stay.
+    MissingExtraError
+        Ray is not installed.
+    """
+    if not isinstance(into, Mosaic):
+        raise ArgumentTypeError(f"into: expected an ipm_rs.Mosaic, got {type(into).__name__}; make one")
+    if not isinstance(frames, Iterable):
+        raise ArgumentTypeError(f"frames: expected (camera, image, map_from_vehicle), got {type(frames).__name__}")
+    size = whole("stretch", stretch, 1, 100_000)
+    settings = {"resolution": into.resolution, "tile": into.tile, "channels": into.channels, "dtype": into.dtype}
+    options = {"ground": ground, "distance": distance}
+    before = into.frames
+    with connected(address) as ray:
+        add = ray.remote(_added)
+        shared = ray.put((settings, options))
+        most = max(2, int(_AT_ONCE * float(ray.cluster_resources().get("CPU", 1))))
+        pending: list[Any] = []
+        for part in _stretches(frames, into, size):
+            pending.append(add.remote(part, shared))
+            while len(pending) >= most:
+                pending = _merged(ray, pending, into)
+        while pending:
+            pending = _merged(ray, pending, into)
+    return into.frames - before
+
+
+def _merged(ray: Any, pending: list[Any], into: Mosaic) -> list[Any]:
+    """Merge the first that is ready, and return the others."""
+    ready, others = ray.wait(pending, num_returns=1)
+    found = ray.get(ready[0])
+    if isinstance(found, Exception):
+        raise found
+    into.merge(found)
+    return list(others)
+
+
+def _stretches(frames: Iterable[Frame], into: Mosaic, size: int) -> Iterator[list[tuple[str, Frame]]]:
+    part: list[tuple[str, Frame]] = []
+    for number, frame in enumerate(frames):
+        if not isinstance(frame, (tuple, list)) or len(frame) != 3:
+            raise ArgumentTypeError(f"frames: expected (camera, image, map_from_vehicle), got {type(frame).__name__}")
+        image = frame[1]
+        name = os.fspath(image) if isinstance(image, (str, os.PathLike)) else f"{number:08d}"
+        if name in into:
+            continue
+        part.append((str(name), (frame[0], image, frame[2])))
+        if len(part) == size:
+            yield part
+            part = []
+    if part:
+        yield part
+
+
+def _added(part: list[tuple[str, Frame]], shared: Any) -> Any:
+    """Return the map of a stretch, or what was wrong with it: of an exception Ray would hand on a traceback."""
+    settings, options = shared
+    made = Mosaic(**settings)
+    try:
+        for name, (camera, image, pose) in part:
+            made.add(camera, _read(image), map_from_vehicle=pose, name=name, threads=1, **options)
+    except Exception as error:
+        return error
+    return made
+
+
+def _read(image: Any) -> Any:
+    if isinstance(image, Mapping):
+        return {name: None if one is None else _read(one) for name, one in image.items()}
+    if isinstance(image, os.PathLike):
+        image = os.fspath(image)
+    return image_of(image)[0] if isinstance(image, str) else image
