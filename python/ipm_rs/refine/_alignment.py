@@ -12,9 +12,11 @@ from numpy.typing import NDArray
 
 from ipm_rs._core import BevGrid, Camera, Lut, Plane
 from ipm_rs.errors import ArgumentError, CalibrationError, ImageError
+from ipm_rs.refine._loss import correlation, in_threads
+from ipm_rs.refine._motion import angles_of
 from ipm_rs.refine._pictures import Pyramid
 from ipm_rs.refine._projection import Eye
-from ipm_rs.refine._road import PARAMETERS, Pair, Pose, Road, Sight, correlation, in_threads, pose_of_camera
+from ipm_rs.refine._road import PARAMETERS, Pair, Pose, Road, Sight, pose_of_camera, square
 from ipm_rs.refine._solve import Normal, inverse_of, minimise, patched, scatter_of
 
 __all__ = ["Alignment", "Solved"]
@@ -30,19 +32,15 @@ _TRIED_HEIGHT = np.arange(0.8, 1.21, 0.05)
 _TRIED_ROLL = np.radians(np.arange(-2.0, 2.01, 1.0))
 _PATCH = 1.0
 """Side of the patches of road that are taken to be off each for itself, in heights of the camera."""
-_SAMPLED = 0.015
-"""Pixels. Bilinear sampling of grain that no pixel resolves puts all pictures off alike, by so much on average. Chosen
-so that of 80 numbers of 20 drives of six pictures as many as should be are within their standard deviations: 66 %
-within one, 96 % within two. Other drives have not judged it."""
+_SAMPLED = 0.03
+"""Pixels. Bilinear sampling of grain that no pixel resolves puts all pictures off alike, by so much on average: chosen
+on seeds 0 to 5 of `scripts/try_refine.py drive`, judged on others (see the docs)."""
 _FARTHEST_TURN, _FARTHEST_HEIGHT = math.cos(math.radians(8.0)), 1.6
 """How far from the camera as it was given poses are looked at: the cosine of a turn, and a factor of the height."""
 _LEAST_CORRELATION = 0.2
 """Of the places that are compared, below which the pictures show no road alike: unrelated ones reach 0.1."""
-_NOD = math.radians(0.5)
-"""How far a vehicle usually nods: what a picture that tells nothing of its pitch is held to."""
 _STARTS = 3
 _FEW_PAIRS = 12
-_TRIED_NOD = np.radians(np.arange(-0.6, 0.61, 0.1))
 _LIMITS = {"roll": math.radians(0.5), "pitch": math.radians(0.5), "yaw": math.radians(0.5), "height": 0.05}
 """Standard deviations beyond which the pictures do not tell a parameter; that of the height in heights."""
 
@@ -100,7 +98,7 @@ class Alignment:
     ) -> None:
         self.camera, self.greys, self.ground, self.area, self.height = camera, greys, ground, area, height
         self.count, self.of_camera = len(poses), of_camera
-        self.start = pose_of_camera(camera)
+        self.start = self.coarse = pose_of_camera(camera)
         self.pairs = [Pair(i, j, np.linalg.inv(poses[j]) @ poses[i], poses[i]) for i, j in chosen]
         indices = sorted(greys)
         pyramids = dict(zip(indices, in_threads(lambda index: Pyramid(greys[index]), indices), strict=True))
@@ -129,7 +127,7 @@ class Alignment:
             free = [index for index, name in enumerate(PARAMETERS) if name not in kept]
             pose = self._best(self.start, free)
             covariance = self._covariance(pose, free)
-            untold = self._untold(free, covariance)
+            untold = self.untold(free, covariance)
             kept |= untold
             if "pitch" in kept:
                 raise CalibrationError(
@@ -144,10 +142,12 @@ class Alignment:
     def _best(self, start: Pose, free: Sequence[int]) -> Pose:
         """Return the pose that is found from the best of a grid of poses, or from the given one if that fits better."""
         coarse = [self._at_level(pose, free, self.coarsest, self.few) for pose in self._searched(start, free)]
-        found = [self._refined(self._fittest(coarse), free)]
+        starts = [self._fittest(coarse)]
+        found = [self._refined(starts[0], free)]
         finest = self.levels[0]
         sights = self.road.sights(found[0], self.area, finest, 2_000)
         if self.road.correlation(found[0], sights, finest) < self.road.correlation(start, sights, finest):
+            starts.append(start)
             found.append(self._refined(start, free))
         scores = [self.road.correlation(pose, sights, finest) for pose in found]
         if max(scores) < _LEAST_CORRELATION:
@@ -156,7 +156,9 @@ class Alignment:
                 f"correlation is {max(scores):.2f} at best; check the order of pictures and poses, metres, poses_of= "
                 "and ground="
             )
-        return found[int(np.argmax(scores))]
+        best = int(np.argmax(scores))
+        self.coarse = starts[best]
+        return found[best]
 
     def _fittest(self, poses: Sequence[Pose]) -> Pose:
         """Return the one of some poses with which the most places agree on coarse pictures."""
@@ -219,25 +221,25 @@ class Alignment:
         return pose
 
     def _at_level(self, pose: Pose, free: Sequence[int], level: int, road: Road) -> Pose:
-        most = self._most() // (1 if level == self.levels[0] else 2)
+        most = self.most // (1 if level == self.levels[0] else 2)
         for _ in range(2):  # the second time with the spread, and the road, of a better pose
             sights = road.sights(pose, self.area, level, most)
             spread = road.spread(pose, sights, level)
             if not spread > 0:
                 return pose
-            evaluate = partial(self._normal, road, sights, level, spread, free)
+            evaluate = partial(self.normal, road, sights, level, spread, free)
             # coarse pictures are a way to the finest; only there the last digits count
             tolerance = 1e-6 if level == self.levels[0] else 1e-4
             pose, _ = minimise(evaluate, pose, partial(_moved, free), iterations=8, tolerance=tolerance)
         return pose
 
-    def _normal(
+    def normal(
         self, road: Road, sights: Sequence[Sight], level: int, spread: float, free: Sequence[int], pose: Pose
     ) -> Normal:
         turn = 0.5 * (float(np.trace(pose.rotation.T @ self.start.rotation)) - 1.0)
         height = 1.0 + (pose.position[2] - self.start.position[2]) / self.height
         if turn < _FARTHEST_TURN or not 1.0 / _FARTHEST_HEIGHT < height < _FARTHEST_HEIGHT:
-            size = len(free) + len(pose.nods)
+            size = len(free) + pose.sways.size
             return Normal(math.inf, np.zeros(size), np.eye(size))
         return road.normal_of(pose, sights, level, spread, free)
 
@@ -248,22 +250,31 @@ class Alignment:
         grain that no pixel resolves, puts the others off alike. And pairs of pictures count once: a vehicle nods.
         """
         level = self.levels[0]
-        sights = self.road.sights(pose, self.area, level, self._most())
+        sights = self.road.sights(pose, self.area, level, self.most)
         spread = self.road.spread(pose, sights, level)
         inverse = inverse_of(self.road.normal_of(pose, sights, level, spread, free).hessian)
         if inverse is None:
             return None
         parts = self.road.pulls(pose, sights, level, spread, free)
         places, pulls = (np.concatenate(each) for each in zip(*parts, strict=True))
-        by_patch = scatter_of(patched(places, pulls, size=_PATCH * self.height))
+        by_patch = scatter_of(patched(places, pulls, size=self.patch))
         by_pair = scatter_of(np.stack([pulls.sum(0) for _, pulls in parts]))
         middle = by_patch + by_pair
-        angle = _SAMPLED / float(self.camera.intrinsics[0, 0])
-        least = np.array([self.height * 10.0 * angle if PARAMETERS[index] == "height" else angle for index in free])
-        return np.asarray(inverse @ middle @ inverse + np.diag(least**2), dtype=np.float64)
+        return np.asarray(inverse @ middle @ inverse + self.least(free), dtype=np.float64)
 
-    def _untold(self, free: Sequence[int], covariance: Matrix | None) -> dict[str, str]:
-        """Return what is not known well enough, the worst of it only: without it the rest may be."""
+    def least(self, free: Sequence[int]) -> Matrix:
+        """Return the covariance that pictures leave however many they are."""
+        angle = _SAMPLED / float(self.camera.intrinsics[0, 0])
+        least = [self.height * 10.0 * angle if PARAMETERS[index] == "height" else angle for index in free]
+        return np.diag(np.square(least))
+
+    @property
+    def patch(self) -> float:
+        """Side of the patches of road that are taken to be off each for itself, metres."""
+        return _PATCH * self.height
+
+    def untold(self, free: Sequence[int], covariance: Matrix | None) -> dict[str, str]:
+        """Return what is not known well enough and why, the worst of it only: without it the rest may be."""
         if covariance is None:
             return {PARAMETERS[free[-1]]: "the pictures leave it open"}
         off = np.sqrt(np.diag(covariance))
@@ -275,81 +286,15 @@ class Alignment:
         said = f"{off[worst]:.2f} m" if name == "height" else f"{math.degrees(off[worst]):.2f} deg"
         return {name: f"the pictures leave it within +- {said}"}
 
-    def nodded(self, solved: Solved) -> Solved:
-        """Return each picture's pitch too; that of pictures which tell nothing of it is the mean of the others'."""
-        free = [index for index in solved.free if PARAMETERS[index] != "pitch"]  # the nods' mean is the pitch
-        # where a vehicle nods much, the pose that suits all pictures alike suits none: begin with the given one as well
-        starts = [self._chained(pose) for pose in (solved.pose, self.start)]
-        pose = self._fittest([self._nodded_at(pose, free, self.coarsest)[0] for pose in starts])
-        for level in range(self.coarsest, self.levels[0] - 1, -1):
-            pose, told, normal = self._nodded_at(pose, free, level)
-        mean = float(pose.nods[told].mean()) if told.any() else 0.0
-        nods = np.where(told, pose.nods - mean, 0.0)
-        level_pose = pose._replace(nods=np.zeros(0)).moved(np.array([mean]), [PARAMETERS.index("pitch")])
-        found = solved._replace(pose=level_pose._replace(nods=nods))
-        return found._replace(covariance=self._nodding_covariance(found, normal, told))
+    def without(self, pose: Pose, free: Sequence[int], untold: Mapping[str, str]) -> tuple[Pose, list[int]]:
+        """Return a pose with what is not told as it was given, and what is still free."""
+        back = [index for index in free if PARAMETERS[index] in untold]
+        given, found = (np.array([*angles_of(square(each.rotation)), each.position[2]]) for each in (self.start, pose))
+        return pose.moved((given - found)[back], back), [index for index in free if index not in back]
 
-    def _nodding_covariance(self, solved: Solved, normal: Normal | None, told: NDArray[np.bool_]) -> Matrix:
-        """Return the covariance with the nods open: they share what they tell with the pitch and the height."""
-        sights = self.road.sights(solved.pose, self.area, self.levels[0], self._most())
-        spread = self.road.spread(solved.pose, sights, self.levels[0])
-        level_pose = solved.pose._replace(nods=np.zeros(0))
-        alone = inverse_of(self.road.normal_of(level_pose, sights, self.levels[0], spread, solved.free).hessian)
-        joint = None if normal is None else inverse_of(normal.hessian)
-        if alone is None or joint is None or not told.any():
-            return solved.covariance
-        # of what was open: all but the pitch, which is the mean of the nods, and then these
-        others = [index for index in solved.free if PARAMETERS[index] != "pitch"]
-        rows = np.zeros((len(solved.free), len(joint)))
-        for row, index in enumerate(solved.free):
-            if PARAMETERS[index] == "pitch":
-                rows[row, len(others) :] = told / told.sum()
-            else:
-                rows[row, others.index(index)] = 1.0
-        # as many times more than the equations say as patches of the road say that of one pitch for all
-        more = np.sqrt(np.diag(solved.covariance) / np.diag(alone))
-        return np.asarray(rows @ joint @ rows.T * np.outer(more, more), dtype=np.float64)
-
-    def _chained(self, pose: Pose) -> Pose:
-        """Return a pose with the nods that make coarse pictures fit their forerunners, one after the other."""
-        nods = np.zeros(self.count)
-        for pair in self.pairs:
-            road = Road(self.road.eye, self.road.pyramids, [pair], self.ground, self.of_camera)
-            sights = road.sights(pose, self.area, self.coarsest, 800)
-            spread = 0.5 * road.spread(pose, sights, self.coarsest)
-            losses = []
-            for nod in _TRIED_NOD:
-                nods[pair.second] = 0.0 if self.of_camera else nods[pair.first] + nod
-                losses.append(road.loss(pose._replace(nods=nods), sights, self.coarsest, spread))
-            nods[pair.second] = 0.0 if self.of_camera else nods[pair.first] + _TRIED_NOD[int(np.argmin(losses))]
-        return pose._replace(nods=nods - nods.mean())
-
-    def _nodded_at(self, pose: Pose, free: Sequence[int], level: int) -> tuple[Pose, NDArray[np.bool_], Normal | None]:
-        """Return the pose and the nods of a level, which pictures tell theirs, and the normal equations."""
-        told, normal = np.ones(self.count, bool), None
-        for _ in range(2):
-            sights = self.road.sights(pose, self.area, level, self._most())
-            spread = self.road.spread(pose, sights, level)
-            if not spread > 0:
-                break
-            strength = (spread / _NOD) ** 2
-            evaluate = partial(self._nodding_normal, sights, level, spread, free, strength)
-            pose, normal = minimise(evaluate, pose, partial(_moved, free), iterations=15, tolerance=1e-6)
-            told = np.diag(normal.hessian)[len(free) :] > 2.0 * strength
-        return pose, told, normal
-
-    def _nodding_normal(
-        self, sights: Sequence[Sight], level: int, spread: float, free: Sequence[int], strength: float, pose: Pose
-    ) -> Normal:
-        """Add to the normal equations how unlikely large nods are."""
-        plain = self._normal(self.road, sights, level, spread, free, pose)
-        pull, held = np.zeros(len(plain.gradient)), np.zeros(len(plain.gradient))
-        held[len(free) :] = strength
-        pull[len(free) :] = strength * pose.nods
-        cost = plain.cost + 0.5 * strength * float(pose.nods @ pose.nods)
-        return Normal(cost, plain.gradient + pull, plain.hessian + np.diag(held))
-
-    def _most(self) -> int:
+    @property
+    def most(self) -> int:
+        """How many places of a pair are compared at most."""
         return max(200, min(12_000, _POINTS // len(self.pairs)))
 
     def agreement(self, pose: Pose) -> float:

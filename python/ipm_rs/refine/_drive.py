@@ -23,8 +23,9 @@ from ipm_rs.errors import ArgumentError, ArgumentTypeError, CalibrationError
 from ipm_rs.refine._alignment import Alignment
 from ipm_rs.refine._inputs import camera_of, guarded, numbers_of
 from ipm_rs.refine._motion import angles_of
+from ipm_rs.refine._nodding import Nodding
 from ipm_rs.refine._pictures import grey_of
-from ipm_rs.refine._road import PARAMETERS, pose_of_camera
+from ipm_rs.refine._road import PARAMETERS, SWAYING, pose_of_camera
 
 __all__ = ["DriveFit", "from_drive"]
 
@@ -57,8 +58,13 @@ class DriveFit:
     """Which pictures were compared, by their numbers."""
     grid: BevGrid
     """The road on which they were."""
+    nodding: float = 0.0
+    """Standard deviation of the pitches of the single pictures, radians: how much the vehicle nods, of which its poses
+    know nothing. 0 where one pitch suits all pictures."""
     pitches: NDArray[np.float64] | None = None
     """(N,) radians, of each picture, where `per_frame` was asked for: how the vehicle nods against its poses."""
+    heights: NDArray[np.float64] | None = None
+    """(N,) metres, of the camera at each picture, beside `pitches`: a vehicle that nods also springs."""
 
     @property
     def deviations(self) -> dict[str, float]:
@@ -66,20 +72,20 @@ class DriveFit:
         return {name: math.sqrt(max(v, 0.0)) for name, v in zip(self.parameters, np.diag(self.covariance), strict=True)}
 
     def camera_at(self, index: int) -> Camera:
-        """Return the camera as it was at a picture: with that picture's pitch, where `per_frame` was asked for.
+        """Return the camera as it was at a picture: with its pitch and height, where `per_frame` was asked for.
 
         Raises
         ------
         ArgumentError
             There is no such picture, or the pitches were not asked for.
         """
-        if self.pitches is None:
+        if self.pitches is None or self.heights is None:
             raise ArgumentError("index: expected pitches of each picture, got none; call from_drive(per_frame=True)")
         if not isinstance(index, (int, np.integer)) or not -len(self.pitches) <= index < len(self.pitches):
             raise ArgumentError(f"index: expected the number of one of {len(self.pitches)} pictures, from 0 on")
-        nod = float(self.pitches[index]) - angles_of(self.camera.vehicle_from_camera)[1]
-        pose = pose_of_camera(self.camera).moved(np.array([nod]), [PARAMETERS.index("pitch")])
-        return self.camera.with_pose(pose.camera_from_vehicle)
+        nod = self.pitches[index] - angles_of(self.camera.vehicle_from_camera)[1]
+        sway = np.array([nod, self.heights[index] - self.camera.position[2]])
+        return self.camera.with_pose(pose_of_camera(self.camera).moved(sway, SWAYING).camera_from_vehicle)
 
     def __str__(self) -> str:
         values = dict(
@@ -92,6 +98,9 @@ class DriveFit:
             else:
                 words.append(f"{name} {math.degrees(values[name]):.3f} +- {math.degrees(off):.3f} deg")
         lines = [", ".join(words)]
+        if self.nodding:
+            each = "" if self.pitches is not None else "; per_frame=True tells each picture's pitch"
+            lines.append(f"the vehicle nods by {math.degrees(self.nodding):.3f} deg (standard deviation){each}")
         lines += [f"{name} left as it was: {why}" for name, why in self.kept.items()]
         lines.append(
             f"consecutive views of the road correlate with {self.after:.3f}, {self.before:.3f} before "
@@ -132,13 +141,13 @@ def from_drive(
     ground : float or Plane
         The road in the vehicle frame.
     per_frame : bool
-        Find each picture's own pitch too: how the vehicle nods. Without it, nods of more than a tenth of a degree
-        against the poses make the result wrong by more than its deviations say.
+        Give each picture's own pitch and height, of up to 400 pairs of pictures. They are found in any case where the
+        pictures show that the vehicle nods against its poses, for without them the mounting would be wrong.
 
     Returns
     -------
     DriveFit
-        ``.camera``, ``.deviations``, ``.covariance``, ``.before``, ``.after``, ``.kept``, ``.pitches``.
+        ``.camera``, ``.deviations``, ``.covariance``, ``.before``, ``.after``, ``.kept``, ``.nodding``, ``.pitches``.
 
     Raises
     ------
@@ -155,24 +164,22 @@ def from_drive(
     if not isinstance(poses_of, str) or poses_of not in ("vehicle", "camera"):
         got = repr(poses_of)[:40] if isinstance(poses_of, str) else type(poses_of).__name__
         raise ArgumentError(f'poses_of: expected "vehicle" or "camera", got {got}; say whose poses they are')
-    nodding = flag_of("per_frame", per_frame)
+    per_picture = flag_of("per_frame", per_frame)
     height = camera.position[2] - float(road_plane.height_at(camera.position[None, :2])[0])
     if not height > 0:
         raise CalibrationError(
             f"camera: expected it above the road, got {height:.3g} m above; give its height, or ground= the road's"
         )
     where = _poses(poses)
-    chosen = _chosen_pairs(where, height, nodding)
+    chosen = _chosen_pairs(where, height, per_picture)
     area = _area(camera, road_plane, height) if grid is None else grid
     if not isinstance(area, BevGrid):
         raise ArgumentTypeError(f"grid: expected an ipm_rs.BevGrid, got {type(area).__name__}")
     greys = _greys(images, len(where), camera, {index for pair in chosen for index in pair})
     drive = Alignment(camera, greys, where, chosen, road_plane, area, poses_of == "camera", height)
-    solved = drive.solved()
-    if nodding:
-        solved = drive.nodded(solved)
+    solved, nodding = Nodding(drive).solved(drive.solved(), always=per_picture)
     found = camera.with_pose(solved.pose.camera_from_vehicle)
-    pitch = angles_of(found.vehicle_from_camera)[1]
+    pitch, high = angles_of(found.vehicle_from_camera)[1], found.position[2]
     return DriveFit(
         camera=found,
         parameters=tuple(PARAMETERS[index] for index in solved.free),
@@ -182,7 +189,9 @@ def from_drive(
         after=drive.agreement(solved.pose),
         pairs=tuple(chosen),
         grid=area,
-        pitches=pitch + solved.pose.nods if nodding else None,
+        nodding=nodding,
+        pitches=pitch + solved.pose.sways[:, 0] if per_picture else None,
+        heights=high + solved.pose.sways[:, 1] if per_picture else None,
     )
 
 

@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ipm_rs._core import BevGrid, Camera, Lut, Plane
+from ipm_rs.refine._loss import CUT, correlation, exposed, in_threads, weights_of
 from ipm_rs.refine._motion import angles_of, axes_of_angles
-from ipm_rs.refine._road import CUT, Pose, correlation, exposed, in_threads, pose_of_camera, weights_of
+from ipm_rs.refine._road import Pose, pose_of_camera, square
 from ipm_rs.refine._solve import Normal, inverse_of, minimise, patched, scatter_of
 
 __all__ = ["Ring", "State"]
@@ -152,7 +153,7 @@ class Ring:
             if name == self.fixed:
                 return View(pictures, [], rows)
             away = points - pose.position
-            _, pitch, yaw = angles_of(_four(pose.rotation))
+            _, pitch, yaw = angles_of(square(pose.rotation))
             axes = axes_of_angles(pitch, yaw)
             # What a pixel shows goes with its ray: where that meets the road after a turn, or a lift, of the camera.
             leads = [np.cross(axes[:, k], away) for k in range(3)]
@@ -222,7 +223,7 @@ class Ring:
                 gradient[where] += whole * np.einsum("np,n->p", weighted, off)
                 hessian[np.ix_(where, where)] += whole * np.einsum("np,nq->pq", weighted, J)
         for index, name in enumerate(self.free):
-            turned = np.array(angles_of(_four(state[name].rotation))) - angles_of(_four(self.start[name].rotation))
+            turned = np.array(angles_of(square(state[name].rotation))) - angles_of(square(self.start[name].rotation))
             turned = (turned + math.pi) % (2.0 * math.pi) - math.pi
             lifted = (state[name].position[2] - self.start[name].position[2]) / self.height
             away = np.array([*turned, lifted])
@@ -275,9 +276,3 @@ class Ring:
                 scores.append(correlation(one[cells], other[cells]))
             found[pair] = float(np.mean(scores))
         return found
-
-
-def _four(rotation: Matrix) -> Matrix:
-    pose = np.eye(4)
-    pose[:3, :3] = rotation
-    return pose

@@ -3,78 +3,82 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from typing import Any, NamedTuple, TypeVar
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ipm_rs._core import BevGrid, Camera, Plane, get_num_threads, rotation_from_euler
+from ipm_rs._core import BevGrid, Camera, Plane, rotation_from_euler
 from ipm_rs.calibration._rotations import OPTICAL_FROM_FLU
+from ipm_rs.refine._loss import CUT, correlation, exposed, in_threads, weights_of
 from ipm_rs.refine._motion import angles_of, axes_of_angles, pose_of
 from ipm_rs.refine._pictures import Pyramid
 from ipm_rs.refine._projection import Eye
 from ipm_rs.refine._solve import Normal
 
 __all__ = [
-    "CUT",
+    "OF_EACH",
     "PARAMETERS",
+    "SWAYING",
     "Pair",
     "Pose",
     "Road",
     "Sight",
-    "correlation",
-    "exposed",
-    "in_threads",
     "pose_of_camera",
-    "weights_of",
+    "square",
 ]
 
 Matrix = NDArray[np.float64]
-T = TypeVar("T")
-U = TypeVar("U")
 
 PARAMETERS = ("roll", "pitch", "yaw", "height")
 
-CUT = 4.685
-"""Tukey's constant: what is off by more standard deviations counts for nothing, and 95 % of the information stays."""
+SWAYING = (PARAMETERS.index("pitch"), PARAMETERS.index("height"))
+"""In which of them a vehicle sways."""
+
+OF_EACH = (4, 5, 6, 7)
+"""Columns of the derivatives by the sways of the first picture and of the second, behind those by `PARAMETERS`."""
 
 
 class Pose(NamedTuple):
-    """Where the camera is: vehicle_from_camera, and by how much each picture's pitch differs, radians."""
+    """Where the camera is: vehicle_from_camera, and how the vehicle sways, of which its poses know nothing."""
 
     rotation: Matrix
     position: Matrix
-    nods: Matrix
+    sways: Matrix
+    """(N, 2) by how much each picture's pitch, radians, and height, metres, differ; (0, 2) where none does."""
 
     def moved(self, step: Matrix, free: Sequence[int]) -> Pose:
-        """Return the pose after a step in those of `PARAMETERS` that are free, and in the nods."""
+        """Return the pose after a step in those of `PARAMETERS` that are free, then in the sways."""
         whole = np.zeros(4)
         whole[list(free)] = step[: len(free)]
         roll, pitch, yaw = angles_of(square(self.rotation)) + whole[:3]
         rotation = rotation_from_euler(roll, pitch, yaw) @ OPTICAL_FROM_FLU.T
         position = self.position + whole[3] * np.array([0.0, 0.0, 1.0])
-        nods = self.nods + step[len(free) :] if len(step) > len(free) else self.nods
-        return Pose(rotation, position, nods)
+        sways = self.sways + step[len(free) :].reshape(-1, 2) if len(step) > len(free) else self.sways
+        return Pose(rotation, position, sways)
 
     def at(self, picture: int) -> Pose:
-        """Return the pose as it was at a picture, with its own pitch."""
-        if not len(self.nods):
+        """Return the pose as it was at a picture, with its own pitch and height."""
+        if not len(self.sways):
             return self
-        level = self._replace(nods=np.zeros(0))
-        return level.moved(self.nods[[picture]], [PARAMETERS.index("pitch")])
+        return self.still.moved(self.sways[picture], SWAYING)
+
+    @property
+    def still(self) -> Pose:
+        """The pose of a vehicle that does not sway."""
+        return self._replace(sways=np.zeros((0, 2)))
 
     @property
     def camera_from_vehicle(self) -> Matrix:
-        """(4, 4), without nods."""
+        """(4, 4), of a vehicle that does not sway."""
         return pose_of(self.rotation, self.position)
 
 
 def pose_of_camera(camera: Camera) -> Pose:
-    """Return the pose of a camera, without nods."""
+    """Return the pose of a camera on a vehicle that does not sway."""
     pose = camera.vehicle_from_camera
-    return Pose(pose[:3, :3], pose[:3, 3], np.zeros(0))
+    return Pose(pose[:3, :3], pose[:3, 3], np.zeros((0, 2)))
 
 
 class Pair(NamedTuple):
@@ -186,21 +190,22 @@ class Road:
         -------
         values : (N,)
             NaN where the second picture does not show the place.
-        derivatives : (N, 6) or None
-            By roll, pitch, yaw, height, and by the pitch of the first and of the second picture.
+        derivatives : (N, 8) or None
+            By roll, pitch, yaw, height, and by pitch and height of the first and of the second picture.
         """
-        first, second = pose.at(pair.first).rotation, pose.at(pair.second).rotation
-        rays, centre, n = sight.rays, pose.position, self.normal
-        d = rays @ first.T
+        first, second = pose.at(pair.first), pose.at(pair.second)
+        rays, n = sight.rays, self.normal
+        d = rays @ first.rotation.T
         slant = np.einsum("nj,j->n", d, n)
         with np.errstate(all="ignore"):
-            s = (self.offset - float(n @ centre)) / slant
+            s = (self.offset - float(n @ first.position)) / slant
         s = np.where(s > 0, s, np.nan)
         if self.of_camera:
             seen = (s[:, None] * rays) @ pair.motion[:3, :3].T + pair.motion[:3, 3]
         else:
-            away = (centre + s[:, None] * d) @ pair.motion[:3, :3].T + pair.motion[:3, 3] - centre
-            seen = away @ second
+            road = first.position + s[:, None] * d
+            away = road @ pair.motion[:3, :3].T + pair.motion[:3, 3] - second.position
+            seen = away @ second.rotation
         pyramid = self.pyramids[pair.second]
         if not slopes:
             return pyramid.sample(level, self._shown(self.eye.pixels(seen), level)), None
@@ -211,17 +216,19 @@ class Road:
         if self.of_camera:
             along = np.einsum("nj,nj->n", by_seen @ pair.motion[:3, :3], rays) / slant
             by_turn = -(along * s)[:, None] * np.cross(d, n)
-            by_nods = np.stack([by_turn, np.zeros_like(by_turn)])
-            by_height = -along * n[2]
+            by_turns = np.stack([by_turn, np.zeros_like(by_turn)])
+            by_heights = np.stack([-along * n[2], np.zeros_like(along)])
         else:
-            g = by_seen @ second.T  # by the point in the vehicle's frame at the second picture
+            g = by_seen @ second.rotation.T  # by the point in the vehicle's frame at the second picture
             q = g @ pair.motion[:3, :3]  # and at the first
             across = q - ((q * d).sum(1) / slant)[:, None] * n  # as far as the point stays on the road
-            by_nods = np.stack([s[:, None] * np.cross(d, across), np.cross(g, away)])
-            by_height = across[:, 2] - g[:, 2]
-        axes = [axes_of_angles(*angles_of(square(each))[1:]) for each in (first, second)]
-        by_angles = [by_nods[k] @ axes[k] for k in (0, 1)]
-        return values, np.column_stack([by_angles[0] + by_angles[1], by_height, by_angles[0][:, 1], by_angles[1][:, 1]])
+            by_turns = np.stack([s[:, None] * np.cross(d, across), np.cross(g, away)])
+            by_heights = np.stack([across[:, 2], -g[:, 2]])
+        axes = [axes_of_angles(*angles_of(square(each.rotation))[1:]) for each in (first, second)]
+        by_angles = [by_turns[k] @ axes[k] for k in (0, 1)]
+        of_both = [by_angles[0] + by_angles[1], by_heights[0] + by_heights[1]]
+        of_each = [column for k in (0, 1) for column in (by_angles[k][:, 1], by_heights[k])]
+        return values, np.column_stack([*of_both, *of_each])
 
     def correlation(self, pose: Pose, sights: Sequence[Sight], level: int) -> float:
         """Return the mean correlation of the pairs, -1 where a pair shows less than half of its places twice."""
@@ -266,16 +273,19 @@ class Road:
         """Return the normal equations of Tukey's loss."""
         items = list(zip(self.pairs, sights, strict=True))
         parts = in_threads(lambda item: self._part(pose, item, level, spread, free), items)
-        size = len(free) + len(pose.nods)
+        size = len(free) + pose.sways.size
         cost, gradient, hessian = 0.0, np.zeros(size), np.zeros((size, size))
         for pair, part in zip(self.pairs, parts, strict=True):
             cost += part.cost
-            where = list(range(len(free)))
-            if len(pose.nods):
-                where += [len(free) + pair.first, len(free) + pair.second]
+            where = self.columns(pair, len(free)) if len(pose.sways) else list(range(len(free)))
             gradient[where] += part.gradient
             hessian[np.ix_(where, where)] += part.hessian
         return Normal(cost, gradient, hessian)
+
+    @staticmethod
+    def columns(pair: Pair, free: int) -> list[int]:
+        """Return which parameters a pair tells of: those that are free, and pitch and height of its two pictures."""
+        return [*range(free), *(free + 2 * picture + k for picture in (pair.first, pair.second) for k in (0, 1))]
 
     def pulls(
         self, pose: Pose, sights: Sequence[Sight], level: int, spread: float, free: Sequence[int]
@@ -288,18 +298,18 @@ class Road:
             if found is None:
                 return np.zeros((0, 3)), np.zeros((0, len(free)))
             off, J, both = found
-            first = pose.at(pair.first).rotation
+            first = pose.at(pair.first)
             rays = sight.rays[both]
-            d = rays @ first.T
-            s = (self.offset - float(self.normal @ pose.position)) / np.einsum("nj,j->n", d, self.normal)
-            road = s[:, None] * rays if self.of_camera else pose.position + s[:, None] * d
+            d = rays @ first.rotation.T
+            s = (self.offset - float(self.normal @ first.position)) / np.einsum("nj,j->n", d, self.normal)
+            road = s[:, None] * rays if self.of_camera else first.position + s[:, None] * d
             return road @ pair.place[:3, :3].T + pair.place[:3, 3], (weights_of(off, spread) * off)[:, None] * J
 
         return in_threads(of, list(zip(self.pairs, sights, strict=True)))
 
     def _part(self, pose: Pose, item: tuple[Pair, Sight], level: int, spread: float, free: Sequence[int]) -> Normal:
-        """Return the normal equations of a pair by the free parameters, and by its own two nods if there are any."""
-        columns = [*free, 4, 5] if len(pose.nods) else list(free)
+        """Return the normal equations of a pair by the free parameters, and by its pictures' sways if there are any."""
+        columns = [*free, *OF_EACH] if len(pose.sways) else list(free)
         found = self._weighted(pose, item, level, spread, columns)
         most, places = CUT**2 / 6.0 * spread**2, len(item[1].values)
         if found is None:
@@ -330,58 +340,8 @@ class Road:
         return off, J, both
 
 
-def exposed(values: Matrix, there: Matrix, spread: float | None, J: Matrix | None) -> tuple[Matrix, Any]:
-    """Return how brightness differs when the first picture's gain and offset fit best, and derivatives of that.
-
-    They are fitted to what Tukey's weights leave, from a gain of one and the median offset on: what moves is no light.
-    The gain stays between a half and two: else a place without contrast would fit everything.
-    """
-    off = values - there
-    if not len(off):
-        return off, J
-    off = off - np.median(off)
-    for _ in range(2):
-        weights = weights_of(off, 1.4826 * float(np.median(np.abs(off))) if spread is None else spread)
-        total = float(weights.sum())
-        if not total > 0:
-            return off, J
-        v, t = values - _dot(weights, values) / total, there - _dot(weights, there) / total
-        weighted = weights * t
-        contrast = _dot(weighted, t)
-        gain = _dot(weighted, v) / contrast if contrast > 0 else 1.0
-        clipped = min(max(gain, 0.5), 2.0)
-        off = v - clipped * t
-    if J is not None:
-        J = J - np.einsum("n,np->p", weights, J) / total
-        if clipped == gain and contrast > 0:
-            J = J - t[:, None] * (np.einsum("n,np->p", weighted, J) / contrast)
-    return off, J
-
-
-def _dot(a: Matrix, b: Matrix) -> float:
-    """Return the sum of products.
-
-    OpenBLAS shares `a @ b` between threads, whose start costs more than such a sum: on a busy machine ten milliseconds
-    instead of ten microseconds.
-    """
-    return float(np.einsum("n,n->", a, b))
-
-
-def weights_of(off: Matrix, spread: float) -> Matrix:
-    share = np.minimum((off / (CUT * spread)) ** 2, 1.0) if spread > 0 else np.ones_like(off)
-    return (1.0 - share) ** 2
-
-
-def correlation(a: Matrix, b: Matrix) -> float:
-    """Return the correlation of two lists; 0 where one has no contrast, -1 of fewer than ten."""
-    if len(a) < 10:
-        return -1.0
-    a, b = a - a.mean(), b - b.mean()
-    size = math.sqrt(float(a @ a) * float(b @ b))
-    return float(a @ b) / size if size > 0 else 0.0
-
-
 def square(rotation: Matrix) -> Matrix:
+    """(4, 4) pose of a rotation."""
     pose = np.eye(4)
     pose[:3, :3] = rotation
     return pose
@@ -398,13 +358,3 @@ def _eroded(mask: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
             kept[tuple(inner)] &= mask[tuple(before)] & mask[tuple(after)]
             mask = kept
     return mask
-
-
-def in_threads(work: Callable[[T], U], items: Iterable[T]) -> list[U]:
-    """Call `work` on each item, in order of the results, on the threads that there are: NumPy lets others run."""
-    listed = list(items)
-    count = min(len(listed), get_num_threads(), 8)
-    if count <= 1:
-        return [work(item) for item in listed]
-    with ThreadPoolExecutor(count) as pool:
-        return list(pool.map(work, listed))

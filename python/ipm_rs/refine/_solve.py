@@ -9,7 +9,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Normal", "inverse_of", "minimise", "patched", "scatter_of"]
+__all__ = ["Normal", "inverse_of", "minimise", "patched", "patches_of", "scatter_of"]
 
 State = TypeVar("State")
 
@@ -99,12 +99,17 @@ def inverse_of(hessian: NDArray[np.float64]) -> NDArray[np.float64] | None:
     return np.asarray(inverse, dtype=np.float64)
 
 
-def patched(places: NDArray[np.float64], pulls: NDArray[np.float64], size: float) -> NDArray[np.float64]:
-    """Sum pulls (N, P) over square patches of the road that places (N, 3) lie on."""
+def patches_of(places: NDArray[np.float64], size: float) -> NDArray[np.intp]:
+    """Return the number of the square patch of road, from 0 on, that each of some places (N, 3) lies on."""
     away = places - places.mean(0)
     along = np.linalg.eigh(np.einsum("ni,nj->ij", away, away))[1][:, :0:-1]  # the road's two directions
     patches = np.floor(np.einsum("ni,ij->nj", away, along) / size).astype(np.int64)
-    which = np.unique(patches, axis=0, return_inverse=True)[1].reshape(-1)
+    return np.unique(patches, axis=0, return_inverse=True)[1].reshape(-1)
+
+
+def patched(places: NDArray[np.float64], pulls: NDArray[np.float64], size: float) -> NDArray[np.float64]:
+    """Sum pulls (N, P) over square patches of the road that places (N, 3) lie on."""
+    which = patches_of(places, size)
     return np.stack([np.bincount(which, weights=column) for column in pulls.T], -1)
 
 
