@@ -2400,6 +2400,9 @@ class _RigTable:
         threads: int | None,
         layout: str,
     ) -> NDArray[Any]: ...
+    def warp_adjoint(
+        self, grad: Any, *, interpolation: str, threads: int | None, layout: str
+    ) -> list[NDArray[Any]]: ...
     def gains(self, images: list[Any], previous: NDArray[np.float64] | None) -> NDArray[np.float32]: ...
     def __eq__(self, other: object, /) -> bool: ...
     def __ne__(self, other: object, /) -> bool: ...
@@ -2554,7 +2557,7 @@ class Lut:
         self,
         grad: NDArray[Any] | _DLPack | memoryview,
         *,
-        interpolation: Literal["bilinear", "nearest"] = "bilinear",
+        interpolation: Literal["bilinear", "nearest", "area"] = "bilinear",
         out: _Out | None = None,
         threads: int | None = None,
         layout: Literal["HWC", "CHW", "NHWC", "NCHW"] = "HWC",
@@ -2566,8 +2569,8 @@ class Lut:
         `(lut.warp(x) * y).sum()` and `(x * lut.warp_adjoint(y)).sum()` are the same but for rounding. Pixels that no cell
         looks at are 0; what cells outside the image hold goes nowhere. Sums are in float64, always in the same order.
 
-        The first call turns the table round, in the time of a dozen warps, and keeps that in memory: 40 bytes a cell
-        ("bilinear") or 8 ("nearest"), and 4 a pixel.
+        The first call turns the table round, in the time of a dozen warps, and keeps that in memory: about 35 bytes a cell
+        ("bilinear"), 12 ("nearest") or more than 50 ("area", the more the more pixels cells cover).
 
         Args:
             grad: (rows, columns) or (rows, columns, C) of `shape`, or what `layout` says; float32 or float64.
@@ -2582,7 +2585,8 @@ class Lut:
         Raises:
             ImageError: a shape or the memory layout is wrong; out is read-only or overlaps the grad.
             DtypeError: grad is neither float32 nor float64, or out's dtype differs.
-            ArgumentError, ArgumentTypeError: interpolation is "area" or "mode"; another argument is wrong.
+            ArgumentError, ArgumentTypeError: interpolation is "mode"; another argument is wrong.
+            LutError: interpolation is "area" and a side of the images is 2^20 pixels or longer.
             OutOfMemoryError: there is not enough memory for the table turned round.
         """
     @property

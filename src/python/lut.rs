@@ -3,16 +3,17 @@
 use std::sync::Arc;
 
 use nalgebra::Matrix3;
-use numpy::{PyArray1, PyArray2, PyArray3, PyArrayDescrMethods, PyArrayMethods};
+use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods};
 use pyo3::exceptions::PyMemoryError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyTuple, PyType};
 
+use super::adjoint::{Adjoint, Transpose};
 use super::camera::PyCamera;
 use super::convert::{Call, float, matrix3, size, tuple_text, type_name};
 use super::detached;
 use super::dtype::{Samples, Taken, for_blended, for_moved};
-use super::error::classes::{ArgumentError, ArgumentTypeError, DtypeError, ImageError};
+use super::error::classes::{ArgumentError, ArgumentTypeError, ImageError};
 use super::grid::{PyBevGrid, bev_grid};
 use super::ground::{road, road_object};
 use super::image::{ImageArray, Output};
@@ -193,32 +194,9 @@ impl PyLut {
         threads: Option<&Bound<'py, PyAny>>,
         layout: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let interpolation =
-            match interpolation.map_or(Ok(Taken::By(Interpolation::Bilinear)), options::interpolation)? {
-                Taken::By(Interpolation::Area) => return Err(no_adjoint("area")),
-                Taken::By(interpolation) => interpolation,
-                Taken::Mode => return Err(no_adjoint("mode")),
-            };
-        let threads = threads.map(|threads| options::thread_count("threads", threads)).transpose()?;
-        let layout = layout.map_or(Ok(Layout::Hwc), options::layout)?;
-        let out = Output::new(out)?;
-        let grad = ImageArray::new("grad", shared::array("grad", grad, false)?, layout)?;
         let (rows, columns) = self.shape();
-        if grad.size() != (columns, rows) {
-            let (got_columns, got_rows) = grad.size();
-            return Err(ImageError::new_err(format!(
-                "grad: expected {rows} rows of {columns} cells, as this Lut has, got {got_rows} of {got_columns}; pass \
-                 one value for each cell, and layout= if its axes are in another order"
-            )));
-        }
-        match (grad.dtype().kind(), grad.dtype().itemsize()) {
-            (b'f', 4) => self.adjoint::<f32>(&grad, &out, interpolation, threads),
-            (b'f', 8) => self.adjoint::<f64>(&grad, &out, interpolation, threads),
-            _ => Err(DtypeError::new_err(format!(
-                "grad: expected float32 or float64, got {}; use grad.astype(numpy.float32)",
-                grad.dtype()
-            ))),
-        }
+        let call = Adjoint::new(("this Lut", rows, columns), grad, interpolation, out, threads, layout)?;
+        call.run(self.lut.source_size(), &self.lut)
     }
 
     #[doc = help!("Lut.shape")]
@@ -334,39 +312,18 @@ impl PyLut {
     }
 }
 
-/// Why there is no adjoint of an interpolation.
-fn no_adjoint(got: &str) -> PyErr {
-    ArgumentError::new_err(format!(
-        "interpolation: expected \"bilinear\" or \"nearest\", got \"{got}\", of which there is no adjoint; choose one"
-    ))
+impl Transpose for Lut {
+    fn run<T: PointSample>(
+        &self,
+        grads: &[ImageView<'_, T>],
+        outs: &mut [ImageViewMut<'_, T>],
+        options: &WarpOptions<T>,
+    ) -> crate::Result<()> {
+        self.warp_many_adjoint_into(grads, outs, options)
+    }
 }
 
 impl PyLut {
-    /// The adjoint of a gradient whose shape and dtype fit.
-    fn adjoint<'py, T: PointSample>(
-        &self,
-        grad: &ImageArray<'py>,
-        out: &Output<'py>,
-        interpolation: Interpolation,
-        threads: Option<usize>,
-    ) -> PyResult<Bound<'py, PyAny>> {
-        let py = grad.dtype().py();
-        let (width, height) = self.lut.source_size();
-        let (rows, columns) = (height as usize, width as usize);
-        let made = match out.array() {
-            Some(array) => grad.check_output(array, rows, columns)?,
-            None => grad.new_output(rows, columns)?,
-        };
-        let read = grad.read()?;
-        let views = read.views::<T>()?;
-        let mut write = made.write()?;
-        let mut outs = write.views::<T>()?;
-        detached::run(py, || self.lut.warp_many_adjoint_into(&views, &mut outs, interpolation, threads))?;
-        drop(outs);
-        drop(write);
-        Ok(out.given_or(made))
-    }
-
     /// Refuses an image of another size; the commonest reason is another layout.
     fn check_size(&self, image: &ImageArray<'_>) -> PyResult<()> {
         let (width, height) = self.lut.source_size();

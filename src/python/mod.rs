@@ -23,6 +23,7 @@ macro_rules! help {
     };
 }
 
+mod adjoint;
 mod arrays;
 mod camera;
 mod cloud;

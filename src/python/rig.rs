@@ -5,6 +5,7 @@ use std::sync::Arc;
 use numpy::{PyArray1, PyArray2, PyArrayDescrMethods, PyArrayMethods};
 use pyo3::prelude::*;
 
+use super::adjoint::{Adjoint, Transpose};
 use super::arrays;
 use super::camera::PyCamera;
 use super::convert::{Floats, float, tuple_text};
@@ -21,7 +22,7 @@ use super::options::{self, BorderValue};
 use super::shared;
 use crate::error::ViewError;
 use crate::rig::{BlendMode, Mix, RigLut, RigOptions};
-use crate::view::buffer;
+use crate::view::{PointSample, buffer};
 use crate::{Bilinear, Camera, ImageView, ImageViewMut, Interpolation, Sample, WarpOptions};
 
 #[pyclass(frozen, eq, module = "ipm_rs._core", name = "_RigTable")]
@@ -153,6 +154,22 @@ impl PyRigTable {
         }
     }
 
+    /// For each camera, in the rig's order, the transpose of `warp`.
+    #[pyo3(signature = (grad, *, interpolation, threads, layout))]
+    fn warp_adjoint<'py>(
+        &self,
+        grad: &Bound<'py, PyAny>,
+        interpolation: &Bound<'py, PyAny>,
+        threads: Option<&Bound<'py, PyAny>>,
+        layout: &Bound<'py, PyAny>,
+    ) -> PyResult<Vec<Bound<'py, PyAny>>> {
+        let of = ("this RigLut", self.lut.rows(), self.lut.columns());
+        let call = Adjoint::new(of, grad, Some(interpolation), None, threads, Some(layout))?;
+        (0..self.names.len())
+            .map(|camera| call.run(self.lut.source_size(camera), &OfCamera { lut: &self.lut, camera }))
+            .collect()
+    }
+
     /// (cameras, channels) factors.
     #[pyo3(signature = (images, previous))]
     fn gains<'py>(
@@ -170,6 +187,23 @@ impl PyRigTable {
         let measure = Measure { rig: self, py, images: &images, previous: &previous };
         let gains = for_blended!(kind, measure.gains())?;
         PyArray1::from_vec(py, gains).reshape([self.names.len(), images[0].channels()])
+    }
+}
+
+/// The transpose of one camera's part, by its place.
+struct OfCamera<'a> {
+    lut: &'a RigLut,
+    camera: usize,
+}
+
+impl Transpose for OfCamera<'_> {
+    fn run<T: PointSample>(
+        &self,
+        grads: &[ImageView<'_, T>],
+        outs: &mut [ImageViewMut<'_, T>],
+        options: &WarpOptions<T>,
+    ) -> crate::Result<()> {
+        self.lut.warp_many_adjoint_into(self.camera, grads, outs, options)
     }
 }
 

@@ -72,6 +72,11 @@ fn shared<'py>(name: &str, object: &Bound<'py, PyAny>, writable: bool) -> PyResu
         (None, Some(_)) if is_bfloat16(object)? => Err(DtypeError::new_err(format!(
             "{name}: expected a dtype that NumPy has, got bfloat16; use {name}.float() for float32"
         ))),
+        (None, Some(_)) if requires_grad(object)? => Err(ArgumentTypeError::new_err(format!(
+            "{name}: expected values, got {} that requires grad, and arrays carry no gradients; ipm_rs.torch.Warp does, \
+             or use {name}.detach()",
+            type_name(object)
+        ))),
         (None, Some(problem)) => {
             let why = error_text(py, &problem)?;
             let error = ArgumentTypeError::new_err(format!(
@@ -90,6 +95,18 @@ fn is_bfloat16(object: &Bound<'_, PyAny>) -> PyResult<bool> {
     Ok(name.is_some_and(|name| name.to_string_lossy().ends_with("bfloat16")))
 }
 
+/// Whether it says that gradients are to flow through it, as tensors of PyTorch do.
+fn requires_grad(object: &Bound<'_, PyAny>) -> PyResult<bool> {
+    let requires = object.getattr("requires_grad").and_then(|requires| requires.extract::<bool>());
+    Ok(requires.or_none(object.py())?.unwrap_or(false))
+}
+
+/// Whether its class is one of PyTorch's.
+fn is_torch(object: &Bound<'_, PyAny>) -> PyResult<bool> {
+    let module = object.get_type().getattr("__module__").and_then(|module| module.extract::<String>());
+    Ok(module.or_none(object.py())?.is_some_and(|module| module.split('.').next() == Some("torch")))
+}
+
 /// Refuses memory of a device that the CPU does not reach.
 fn check_device(name: &str, object: &Bound<'_, PyAny>) -> PyResult<()> {
     let py = object.py();
@@ -98,10 +115,14 @@ fn check_device(name: &str, object: &Bound<'_, PyAny>) -> PyResult<()> {
     // if it is broken, so is the export, and that says why
     let Some(device) = device.or_none(py)?.flatten() else { return Ok(()) };
     match device.extract::<(i64, i64)>().or_none(py)? {
-        Some((kind, _)) if !HOST_DEVICES.contains(&kind) => Err(ArgumentTypeError::new_err(format!(
-            "{name}: expected memory of the CPU, got {} on another device (DLPack device type {kind}); use {name}.cpu()",
-            type_name(object)
-        ))),
+        Some((kind, _)) if !HOST_DEVICES.contains(&kind) => {
+            let or_torch = if is_torch(object)? { ", or ipm_rs.torch.Warp, which warps on every device" } else { "" };
+            Err(ArgumentTypeError::new_err(format!(
+                "{name}: expected memory of the CPU, got {} on another device (DLPack device type {kind}); use \
+                 {name}.cpu(){or_torch}",
+                type_name(object)
+            )))
+        }
         _ => Ok(()),
     }
 }

@@ -5,6 +5,7 @@
 //! several are mixed, through a little memory that stays in the core's own cache. Weights are integers worked out when
 //! the table is built, so a view depends neither on threads nor on the order of the cameras.
 
+mod adjoint;
 mod compose;
 pub(crate) mod error;
 mod gains;

@@ -26,12 +26,6 @@ pub enum WarpError {
         /// The one that came.
         got: &'static str,
     },
-    /// A way to interpolate that has no transpose.
-    #[error("interpolation: expected one that has an adjoint, bilinear or nearest, got {got:?}")]
-    NoAdjoint {
-        /// The one that came.
-        got: &'static str,
-    },
     /// A label image of too many different ids.
     #[error("mode: expected an image of at most {limit} different ids, got more")]
     TooManyIds {

@@ -210,12 +210,23 @@ def _warp_adjoint(v: Values) -> tuple[Callable[..., Any], Arguments]:
     grad = v.numbers(*lut.shape, *channels, dtype=v.rng.choice(["f4", "f8"]))
     arguments: Arguments = {
         "grad": grad,
-        "interpolation": v.rng.choice(["bilinear", "nearest"]),
+        "interpolation": v.rng.choice(["bilinear", "nearest", "area"]),
         "threads": 2,
         "layout": "HWC",
     }
     if v.rng.random() < 0.5:
         arguments["out"] = np.zeros((HEIGHT, WIDTH, *channels), grad.dtype)
+    return lut.warp_adjoint, arguments
+
+
+def _rig_warp_adjoint(v: Values) -> tuple[Callable[..., Any], Arguments]:
+    lut, channels = v.rng.choice(RIG_LUTS), v.rng.choice([(), (1,), (3,)])
+    arguments: Arguments = {
+        "grad": v.numbers(*lut.shape, *channels, dtype=v.rng.choice(["f4", "f8"])),
+        "interpolation": v.rng.choice(["bilinear", "nearest", "area"]),
+        "threads": 2,
+        "layout": "HWC",
+    }
     return lut.warp_adjoint, arguments
 
 
@@ -453,6 +464,7 @@ RECIPES: dict[str, Callable[[Values], tuple[Callable[..., Any], Arguments]]] = {
     ),
     "Lut.warp_adjoint": _warp_adjoint,
     "RigLut.warp": _rig_warp,
+    "RigLut.warp_adjoint": _rig_warp_adjoint,
     "RigLut.gains": lambda v: (v.rng.choice(RIG_LUTS).gains, {"images": v.rig_images("u1 f4")}),
     "Lut.save": lambda v: (LUTS[0].save, {"path": v.folder / "written.ipmlut"}),
     "Lut.export": lambda v: (LUTS[1].export, {"path": v.folder / "written.yml", "format": "lanenet"}),

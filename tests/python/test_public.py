@@ -57,7 +57,7 @@ MEMBERS = {
     "PixelRays": "camera nbytes",
     "Layers": "",
     "Rig": "cameras subset moved to_json save load",
-    "RigLut": "rig grid ground shape nbytes mask source weights warp without gains agreement save load",
+    "RigLut": "rig grid ground shape nbytes mask source weights warp warp_adjoint without gains agreement save load",
     "Mosaic": "load save commit close resolution tile channels dtype frames tiles bounds nbytes add refine merge "
     "window image layers export_tiles export_geotiff",
     "Trajectory": "load timestamps poses max_gap start end covers at",
@@ -282,6 +282,14 @@ def test_import_needs_numpy_alone():
     heavy = "PIL tqdm cv2 scipy torch yaml"
     code = f"import sys, ipm_rs; print([m for m in '{heavy}'.split() if m in sys.modules])"
     assert run(code).strip() == "[]"
+
+
+def test_torch_is_an_extra():
+    code = (
+        "import sys, ipm_rs; sys.modules['torch'] = None\n"
+        "try:\n    ipm_rs.torch\nexcept ipm_rs.MissingExtraError as error:\n    print(error)"
+    )
+    assert 'pip install "ipm-rs[torch]"' in run(code)
 
 
 def test_the_reference_takes_nothing_from_the_core():

@@ -231,6 +231,46 @@ class RigLut:
             layout=layout,
         )
 
+    def warp_adjoint(
+        self,
+        grad: Any,
+        *,
+        interpolation: Literal["nearest", "bilinear", "area"] = "bilinear",
+        threads: int | None = None,
+        layout: Literal["HWC", "CHW", "NHWC", "NCHW"] = "HWC",
+    ) -> dict[str, NDArray[Any]]:
+        """Carry a value for each cell back to the pixels of all cameras: the transpose of `warp` without gains.
+
+        What `Lut.warp_adjoint` is to one camera: the gradient of a loss goes back through it, and it splats a
+        bird's-eye view into the images. Of a cell that several cameras show, each gets its weight's share; of nearest,
+        the camera that is shown gets all. The first call turns the tables round, and keeps that.
+
+        Parameters
+        ----------
+        grad : array
+            (rows, columns) or (rows, columns, C) of `shape`, or what `layout` says; float32 or float64.
+        interpolation : {"bilinear", "nearest", "area"}
+            Of the warp whose transpose it is.
+        threads : int, optional
+            At most so many. The result does not depend on it.
+        layout : {"HWC", "CHW", "NHWC", "NCHW"}
+            The order of the axes of `grad`, and of the results'.
+
+        Returns
+        -------
+        dict of str to ndarray
+            For each camera an array of its images' size, of the grad's dtype.
+
+        Raises
+        ------
+        ImageError, DtypeError, ArgumentError, ArgumentTypeError
+            As for `Lut.warp_adjoint`.
+        OutOfMemoryError
+            There is not enough memory for the tables turned round.
+        """
+        found = self._table.warp_adjoint(grad, interpolation=interpolation, threads=threads, layout=layout)
+        return dict(zip(self._rig, found, strict=True))
+
     def without(self, names: Iterable[str], *, missing: Missing = "next") -> RigLut:
         """Return the table for the other cameras, where images of some are missing.
 

@@ -7,6 +7,7 @@
 
 mod footprints;
 mod levels;
+pub(super) mod looks;
 pub(crate) mod plan;
 mod probes;
 mod scratch_lease;
@@ -30,7 +31,7 @@ use crate::view::{ImageView, ImageViewMut, RowsMut};
 use footprints::Footprints;
 use levels::Levels;
 use plan::{PatternSpan, Plan, RowPlan, leaves};
-use probes::{Lattice, has_round_bias};
+use probes::{Lattice, has_round_bias, probes_of};
 use scratch_lease::ScratchLease;
 use stand_in::warp_by_stand_in;
 
@@ -173,22 +174,13 @@ impl<T: Bilinear + Average> Job<'_, T> {
             SpanKind::Inside => self.bilinear.inside,
             SpanKind::Rim | SpanKind::Halo => self.bilinear.edge,
         };
-        let (mut taps, mut rest, mut next) = (span.taps, cells, span.first);
-        // one more of no cells at the end
-        let none = PatternSpan { first: span.first + span.cells, cells: 0, ..PatternSpan::NONE };
-        for pattern_span in pattern_spans.iter().chain([&none]) {
-            let (before, own, cells_before, own_cells);
-            (before, taps) = taps.split_at(pattern_span.first - next);
-            (own, taps) = taps.split_at(pattern_span.cells);
-            (cells_before, rest) = rest.split_at_mut(before.len() * channels);
-            (own_cells, rest) = rest.split_at_mut(own.len() * channels);
-            next = pattern_span.first + pattern_span.cells;
-            if !before.is_empty() {
-                kernel(self.source, before, cells_before);
-            }
-            if !own.is_empty() {
-                let span = Span { first: pattern_span.first, cells: pattern_span.cells, taps: own, ..span };
-                self.averaged(pattern_span, plan, span, footprints, own_cells, scratch)?;
+        let mut rest = cells;
+        for (part, pattern_span) in parts_of(span, pattern_spans) {
+            let own;
+            (own, rest) = rest.split_at_mut(part.cells * channels);
+            match pattern_span {
+                Some(pattern_span) => self.averaged(pattern_span, plan, part, footprints, own, scratch)?,
+                None => kernel(self.source, part.taps, own),
             }
         }
         Ok(())
@@ -255,7 +247,7 @@ impl<T: Bilinear + Average> Job<'_, T> {
             (values, rest) = rest.split_at_mut(count * channels);
             let samples = count.max(LANES) * channels;
             let (probe, sums) = (&mut scratch.probe[..samples], &mut scratch.sums[..values.len()]);
-            for (index, at) in lattice_of(pattern_span.pattern).enumerate() {
+            for (index, at) in probes_of(pattern_span.pattern).enumerate() {
                 lattice.taps(self.isa, at, footprints, first, &mut scratch.taps[..count.next_multiple_of(LANES)]);
                 if count < LANES {
                     // kernels have no vectors for a few cells: the last is probed more than once
@@ -326,32 +318,22 @@ impl<T: Bilinear + Average> Job<'_, T> {
     ) {
         let (image, channels) = (self.source.image(), values.len());
         let size = [image.width(), image.height()].map(|side| side as i32);
-        let last = lattice.last_entry(size);
         let sums = &mut scratch.sums[..channels];
         sums.fill(T::Sum::default());
-        let mut count = 0;
-        let mut probe = |position: [i32; 2]| {
-            let ([x, y], [fx, fy]) = lattice.entry(position, last);
-            let (right, below) = ((x + 1).min(last[0] as usize), (y + 1).min(last[1] as usize));
+        let mut is_first = true;
+        let count = lattice.each_probe(footprints, cell, size, |[x, y], [right, below], [fx, fy]| {
             let pixel = |(x, y): (usize, usize)| level.pixel(x - first[0] as usize, y - first[1] as usize);
             let pixels = [(x, y), (right, y), (x, below), (right, below)].map(pixel);
             let weights = T::weights(fx, fy);
             for (channel, (value, sum)) in values.iter_mut().zip(&mut *sums).enumerate() {
                 let probe = <T as Blend>::blend(weights, pixels.map(|pixel| pixel[channel]));
-                match count {
-                    0 => *value = probe,
-                    _ => *sum = T::accumulate(*sum, *value, probe),
+                match is_first {
+                    true => *value = probe,
+                    false => *sum = T::accumulate(*sum, *value, probe),
                 }
             }
-            count += 1;
-        };
-        let positions = || lattice_of(lattice.pattern).map(|at| lattice.position(at, footprints, cell));
-        let is_inside = |at: &[i32; 2]| Lattice::is_inside(*at, size);
-        positions().filter(is_inside).for_each(&mut probe);
-        if !positions().any(|at| is_inside(&at)) {
-            // every probe is outside, though the middle is not
-            probe([0, 1].map(|axis| footprints.centre[axis][cell]));
-        }
+            is_first = false;
+        });
         self.finish(lattice.pattern, count, sums, values);
     }
 
@@ -362,7 +344,27 @@ impl<T: Bilinear + Average> Job<'_, T> {
     }
 }
 
-/// The probes of a pattern.
-fn lattice_of(pattern: SamplePattern) -> impl Iterator<Item = (u8, u8)> {
-    (0..pattern.along).flat_map(move |along| (0..pattern.down).map(move |down| (along, down)))
+/// The parts of a span whose cells are averaged, each with the pattern span that says how, and those between them, from left
+/// to right.
+fn parts_of<'a>(
+    span: Span<'a>,
+    pattern_spans: &'a [PatternSpan],
+) -> impl Iterator<Item = (Span<'a>, Option<&'a PatternSpan>)> {
+    let end = span.first + span.cells;
+    let (mut next, mut rest) = (span.first, pattern_spans);
+    std::iter::from_fn(move || {
+        let (until, own) = match rest.split_first() {
+            Some((own, others)) if own.first == next => {
+                rest = others;
+                (own.first + own.cells, Some(own))
+            }
+            Some((later, _)) => (later.first, None),
+            None => (end, None),
+        };
+        (next < until).then(|| {
+            let part = span.part(&(next..until));
+            next = until;
+            (part, own)
+        })
+    })
 }

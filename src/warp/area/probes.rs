@@ -79,8 +79,37 @@ impl Lattice {
         [offset(along, self.pattern.along), offset(down, self.pattern.down)]
     }
 
+    /// Calls `probe` for each probe of a footprint that lies on a source of this size, or for its middle where none does: with
+    /// the top-left and the bottom-right of the four entries of the whole level that it is blended from, and its fractions.
+    /// Returns how many there were.
+    pub(super) fn each_probe(
+        self,
+        cells: &Footprints,
+        cell: usize,
+        size: [i32; 2],
+        mut probe: impl FnMut([usize; 2], [usize; 2], [u32; 2]),
+    ) -> u32 {
+        let last = self.last_entry(size);
+        let mut at = |position: [i32; 2]| {
+            let ([x, y], fractions) = self.entry(position, last);
+            probe([x, y], [(x + 1).min(last[0] as usize), (y + 1).min(last[1] as usize)], fractions);
+        };
+        let mut count = 0;
+        for position in probes_of(self.pattern).map(|probe| self.position(probe, cells, cell)) {
+            if Self::is_inside(position, size) {
+                at(position);
+                count += 1;
+            }
+        }
+        if count == 0 {
+            at([0, 1].map(|axis| cells.centre[axis][cell]));
+            count = 1;
+        }
+        count
+    }
+
     /// Where a probe of one footprint is on the source, 1/1024 pixel.
-    pub(super) fn position(self, probe: (u8, u8), cells: &Footprints, cell: usize) -> [i32; 2] {
+    fn position(self, probe: (u8, u8), cells: &Footprints, cell: usize) -> [i32; 2] {
         let offsets = self.offsets(probe);
         [0, 1].map(|axis| {
             let sides = [axis, 2 + axis].map(|side| i32::from(cells.sides[side][cell]));
@@ -89,19 +118,19 @@ impl Lattice {
     }
 
     /// Whether a position lies on a pixel of the image.
-    pub(super) fn is_inside(position: [i32; 2], size: [i32; 2]) -> bool {
+    fn is_inside(position: [i32; 2], size: [i32; 2]) -> bool {
         (0..2).all(|axis| (0..size[axis]).contains(&((position[axis] + (1 << (FRACTION_BITS - 1))) >> FRACTION_BITS)))
     }
 
     /// The last column and row of the level of a source of this size.
-    pub(super) fn last_entry(self, [width, height]: [i32; 2]) -> [i32; 2] {
+    fn last_entry(self, [width, height]: [i32; 2]) -> [i32; 2] {
         [(width, self.pattern.kx), (height, self.pattern.ky)]
             .map(|(side, k)| RipLevel::boxes(side as u32, k.into()) as i32 - 1)
     }
 
     /// The entry of the level whose box is around a position, moved so far that box and neighbours exist: whole column
     /// and row, and fractions in Q15. `last` is the level's last column and row.
-    pub(super) fn entry(self, position: [i32; 2], last: [i32; 2]) -> ([usize; 2], [u32; 2]) {
+    fn entry(self, position: [i32; 2], last: [i32; 2]) -> ([usize; 2], [u32; 2]) {
         let entry = |axis: usize| {
             let at = ((position[axis] - self.corner[axis]) >> self.steps[axis]).clamp(0, last[axis] << FRACTION_BITS);
             ((at >> FRACTION_BITS) as usize, ((at & ((1 << FRACTION_BITS) - 1)) << (15 - FRACTION_BITS)) as u32)
@@ -109,6 +138,11 @@ impl Lattice {
         let ((x, fx), (y, fy)) = (entry(0), entry(1));
         ([x, y], [fx, fy])
     }
+}
+
+/// The probes of a pattern.
+pub(super) fn probes_of(pattern: SamplePattern) -> impl Iterator<Item = (u8, u8)> {
+    (0..pattern.along).flat_map(move |along| (0..pattern.down).map(move |down| (along, down)))
 }
 
 /// Whether averages of this pattern's levels were rounded up once more than down.

@@ -96,12 +96,6 @@ pub(crate) struct PatternSpan {
     pub(crate) clipped: bool,
 }
 
-impl PatternSpan {
-    /// No cells.
-    pub(crate) const NONE: Self =
-        Self { first: 0, cells: 0, pattern: SamplePattern::BILINEAR, shift: 0, clipped: false };
-}
-
 /// How the cells of a row are averaged that see more than a pixel.
 #[derive(Clone, Copy)]
 pub(crate) struct RowPlan<'a> {
