@@ -81,6 +81,7 @@ from ipm_rs.trajectory import Trajectory
 if TYPE_CHECKING:
     from ipm_rs import diagnosis, draw, pointfile, reference, refine, streams
     from ipm_rs import ray as ray
+    from ipm_rs import torch as torch
     from ipm_rs.diagnosis import doctor
     from ipm_rs.mosaic import Mosaic
 
@@ -161,8 +162,9 @@ __all__ = [
 
 
 def __getattr__(name: str) -> object:
-    # When they are asked for: few programs need them. `ray` is not in __all__, for it would hide Ray's own name.
-    if name in ("diagnosis", "draw", "pointfile", "ray", "reference", "refine", "streams"):
+    # When they are asked for: few programs need them. `ray` and `torch` are not in __all__, for they would hide the
+    # names of those packages.
+    if name in ("diagnosis", "draw", "pointfile", "ray", "reference", "refine", "streams", "torch"):
         return importlib.import_module(f"ipm_rs.{name}")
     if name == "doctor":
         return importlib.import_module("ipm_rs.diagnosis").doctor

@@ -253,6 +253,19 @@ def test_buffers_with_a_shape(lut):
     assert same(lut.warp(rows), lut.warp(grey))
 
 
+def test_tensors_that_a_layer_takes_are_told_of_it(lut):
+    image = textured(*SHAPE)
+    needing, elsewhere = NeedsGradient(image), TensorWithArray(image, 2)
+    needing.requires_grad = True
+    with refuses(errors.ArgumentTypeError, "image: expected values", "requires grad", "ipm_rs.torch.Warp", "detach()"):
+        lut.warp(needing)
+    with refuses(errors.ArgumentTypeError, "use image.cpu()") as _:
+        lut.warp(elsewhere)
+    elsewhere.__class__ = type("Tensor", (TensorWithArray,), {"__module__": "torch"})
+    with refuses(errors.ArgumentTypeError, "use image.cpu(), or ipm_rs.torch.Warp"):
+        lut.warp(elsewhere)
+
+
 def test_buffers_are_released(lut):
     """A bytearray with an export cannot be resized: nothing of it is kept after the call."""
     memory = bytearray(textured(*SHAPE).tobytes())
