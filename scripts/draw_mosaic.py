@@ -1,4 +1,4 @@
-"""Draw docs/images/mosaic.jpg: a frame of a drive over the painted road of `ipm_rs.scene`, its view, and the map of all.
+"""Draw docs/images/mosaic.jpg: a frame of a drive on the road of `ipm_rs.scene`, its view, and the map of 20 frames.
 
 python scripts/draw_mosaic.py docs/images/mosaic.jpg
 """
