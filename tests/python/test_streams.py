@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import functools
 import threading
 import time
@@ -16,6 +17,7 @@ from PIL import Image
 import ipm_rs
 from ipm_rs import errors, streams
 from ipm_rs.cli import main
+from ipm_rs.streams import sinks
 from ipm_rs.streams.ordered import ordered
 
 av = pytest.importorskip("av")
@@ -101,6 +103,23 @@ def test_ten_bits_become_sixteen_if_wanted(tmp_path):
     flat = next(iter(streams.open(tmp_path / "a.mkv"))).image
     assert deep.dtype == np.uint16 and flat.dtype == np.uint8
     assert np.abs(deep / 257.0 - flat).mean() < 2 and len(np.unique(deep)) > 256
+
+
+def test_a_video_that_does_not_say_how_many_frames_it_has(tmp_path):
+    """Matroska says how long it lasts."""
+    write_video(tmp_path / "drive.mkv", [textured(48, 64, 3, seed=n) for n in range(20)])
+    data = (tmp_path / "drive.mkv").read_bytes()
+    (tmp_path / "cut.mkv").write_bytes(data[: len(data) // 2])
+    whole = streams.warp(streams.open(tmp_path / "drive.mkv"), LUT, tmp_path / "whole")
+    cut = streams.warp(streams.open(tmp_path / "cut.mkv"), LUT, tmp_path / "cut")
+    assert whole.done == 20 and not whole.failed
+    assert 0 < cut.done < 20 and len(cut.failed) == 1 and "as its header says" in str(cut.failed[0])
+
+
+def test_a_disk_without_room_for_a_video_is_told_of_as_such(tmp_path):
+    sink = sinks.Video(tmp_path / "bev.mp4")
+    with refuses(errors.FileError, "expected to write it", "No space left", "free space"), sink._writing():
+        raise OSError(errno.ENOSPC, "No space left on device")
 
 
 def test_videos_that_are_none_or_cut_short(tmp_path):

@@ -57,7 +57,7 @@ def conclude(output: Path, lut: ipm_rs.Lut | ipm_rs.RigLut, summary: streams.Sum
     FileError
         Some frames failed.
     """
-    if not quiet:
+    if not quiet and (summary.done or summary.skipped or not summary.failed):
         skipped = f", {summary.skipped} were there" if summary.skipped else ""
         rows, cols = lut.shape
         emit(

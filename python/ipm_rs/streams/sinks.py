@@ -8,6 +8,8 @@ whole, and a video when it is closed.
 from __future__ import annotations
 
 import contextlib
+import errno
+from collections.abc import Iterator
 from fractions import Fraction
 from pathlib import Path
 from typing import Any, Protocol
@@ -32,7 +34,7 @@ VIDEO_CODECS = {
 }
 _TICKS = 90_000
 """Of a second, as MPEG has them: exact for 24, 25, 30, 50 and 60 frames a second, 5 us off for any other moment."""
-_ARRAYS = {2: ("gray", 1), 3: ("rgb24", 3)}
+_DISK = (errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EFBIG, errno.EROFS)
 
 
 class Sink(Protocol):
@@ -243,8 +245,18 @@ class Video:
             for packet in self.stream.encode(frame):
                 self.container.mux(packet)
 
-    def _writing(self) -> contextlib.AbstractContextManager[None]:
-        return reading(self.path, "to write a video")
+    @contextlib.contextmanager
+    def _writing(self) -> Iterator[None]:
+        """Make one of our errors of FFmpeg's: the disk's own says so, which ends the run."""
+        try:
+            with reading(self.path, "to write a video"):
+                yield
+        except FileError as error:
+            if not isinstance(error.__cause__, OSError) or error.__cause__.errno not in _DISK:
+                raise
+            raise FileError(
+                f"{self.path}: expected to write it, got: {error.__cause__.strerror}; check the free space"
+            ) from error.__cause__
 
 
 class _Discarded(FileError):

@@ -14,6 +14,7 @@
 from __future__ import annotations
 
 import functools
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
@@ -31,6 +32,8 @@ TITLE = "a video"
 ENDINGS = set(".mp4 .mov .m4v .mkv .webm .avi .ts .mts .mpg .mpeg .wmv .flv .3gp .ogv .h264 .h265 .hevc .gif".split())
 _ROTATIONS = ("refuse", "ignore", "apply")
 _HD_ROWS = 720
+_STILL = 0.1
+"""Seconds by which a file may say that it lasts longer than twice the longest time between two of its frames."""
 
 
 def require_av() -> ModuleType:
@@ -121,11 +124,12 @@ def _first_rotation(path: str) -> int:
 
 def _tickets(path: str, rotation: str, bits: int) -> Iterator[Ticket]:
     av = require_av()
-    index, first, last = 0, None, None
+    index, first, last, now = 0, None, None, 0.0
     with reading(path, "a video"), av.open(path) as container:
         stream = _video_stream(path, container)
         # of the containers that list every frame; the header of AVI counts ticks in which nothing comes
         promised = stream.frames if "mp4" in container.format.name else 0
+        until, gap = _promised_end(container, stream), 0.0
         packets = container.demux(stream)
         while True:
             try:
@@ -142,13 +146,15 @@ def _tickets(path: str, rotation: str, bits: int) -> Iterator[Ticket]:
                 if ticks is not None:
                     first = ticks if first is None else first
                     if last is not None and ticks <= last:
-                        now, before = (float((one - first) * frame.time_base) for one in (ticks, last))
+                        time, before = (float((one - first) * frame.time_base) for one in (ticks, last))
                         yield bad_ticket(
-                            path, f"{index:06d}", index, f"timestamps that grow, got {now:.6f} s after {before:.6f} s"
+                            path, f"{index:06d}", index, f"timestamps that grow, got {time:.6f} s after {before:.6f} s"
                         )
                         index += 1
                         continue
-                    last = ticks
+                    if last is not None:
+                        gap = max(gap, float((ticks - last) * frame.time_base))
+                    last, now = ticks, float(ticks * frame.time_base)
                     time = float((ticks - first) * frame.time_base)  # rounded once
                 load = functools.partial(_load, path, frame, index, time, rotation, bits)
                 yield Ticket(f"{index:06d}", index, time, load)
@@ -157,6 +163,24 @@ def _tickets(path: str, rotation: str, bits: int) -> Iterator[Ticket]:
         yield bad_ticket(
             path, f"{index:06d}", index, f"{promised} frames as its header says, got {index}: it is cut short"
         )
+    elif until is not None and until - now > 2 * gap + _STILL:
+        yield bad_ticket(
+            path, f"{index:06d}", index, f"{until:.2f} s as its header says, got {now:.2f}: it is cut short"
+        )
+
+
+def _promised_end(container: Any, stream: Any) -> float | None:
+    """Return when a file of Matroska or WebM ends by its own words, in seconds: it does not say how many frames it has.
+
+    FFmpeg tags each stream with it; the duration of the whole file may be that of its sound.
+    """
+    if "matroska" not in container.format.name:
+        return None
+    clock = re.fullmatch(r"(\d+):(\d+):(\d+(?:\.\d+)?)", str(stream.metadata.get("DURATION", "")))
+    if clock is not None:
+        hours, minutes, seconds = (float(part) for part in clock.groups())
+        return 3600 * hours + 60 * minutes + seconds
+    return container.duration / 1e6 if container.duration and len(container.streams) == 1 else None
 
 
 def _load(path: str, frame: Any, index: int, time: float | None, rotation: str, bits: int) -> Frame:
