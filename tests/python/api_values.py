@@ -592,6 +592,7 @@ RECIPES: dict[str, Callable[[Values], tuple[Callable[..., Any], Arguments]]] = {
             "rig": OVERLAP,
             "images": {name: scene.render(camera) for name, camera in OVERLAP.items()},
             "fixed": v.rng.choice([None, "left"]),
+            "prior": v.rng.choice([None, (1.0, 0.05)]),
             "grid": ipm_rs.BevGrid(x=(1, 7), y=(-3, 3), resolution=0.2),
             "ground": 0.0,
         },

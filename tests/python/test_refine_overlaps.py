@@ -59,7 +59,8 @@ def test_derivatives_are_those_of_the_views():
     v, u = np.mgrid[:192, :256].astype(np.float32)
     smooth = {name: np.sin(u / 23) + np.cos(v / 19) for name in ("front", "left")}
     rig = {name: TRUE[name] for name in smooth}
-    ring = Ring(rig, [smooth], "front", ipm_rs.Plane(normal=(0.02, -0.01, 1)), GRID, 1.5)
+    likely = np.array([0.03, 0.03, 0.03, 0.15])
+    ring = Ring(rig, [smooth], "front", ipm_rs.Plane(normal=(0.02, -0.01, 1)), GRID, 1.5, likely)
     chosen = ring._chosen(ring.start, 1)
     view = ring.views(ring.start, 1, chosen)["left"]
     for column in range(4):
@@ -95,7 +96,34 @@ def test_what_the_pictures_do_not_tell(images):
 
 def test_a_fit_that_went_astray_is_refused(images, monkeypatch):
     """A pair may gain what another loses, where what they see is not flat."""
-    scores = iter([{("front", "left"): 0.85, ("left", "back"): 0.7}, {("front", "left"): 0.6, ("left", "back"): 0.8}])
+    scores = iter([{("front", "left"): 0.85}, {("front", "left"): 0.6}])
     monkeypatch.setattr(Ring, "agreement", lambda self, state: next(scores))
     with refuses(errors.CalibrationError, "'front' and 'left' correlate with 0.60, 0.85 before"):
         refine.from_overlaps(GIVEN, images, fixed="front", grid=GRID)
+
+
+def test_of_a_pair_that_goes_astray_the_worse_camera_is_held():
+    ring = object.__new__(Ring)
+    ring.free, ring.pairs = ["left", "back"], [("front", "left"), ("left", "back")]
+    before = {("front", "left"): 0.8, ("left", "back"): 0.7}
+    assert ring.astray(before, {("front", "left"): 0.9, ("left", "back"): 0.3}, 0.1) == ("back", ("left", "back"))
+    assert ring.astray(before, {("front", "left"): 0.75, ("left", "back"): 0.7}, 0.1) is None
+    alike = {("front", "left"): 0.98, ("front", "right"): 0.97, ("left", "back"): 0.6}
+    assert ring.unlike(alike) == "back" and ring.unlike({**alike, ("left", "back"): 0.8}) is None
+
+
+def test_two_degrees_and_a_tenth_of_the_height_are_searched(images):
+    """Least squares alone would end beside it: the views show nothing alike at first."""
+    far = ipm_rs.Rig({"front": TRUE["front"], "left": camera(72, 0.8, 0.4, roll=0.03, pitch=0.565, height=1.65)})
+    found = refine.from_overlaps(far, images, fixed="front", grid=GRID)
+    off = values(found.rig["left"]) - values(TRUE["left"])
+    assert np.abs(off[:3]).max() < 0.1 and abs(off[3]) < 0.02, off
+
+
+def test_the_prior_holds_what_is_given(images):
+    near = refine.from_overlaps(GIVEN, images, fixed="front", grid=GRID, prior=(1e-4, 1e-5))
+    assert np.abs(values(near.rig["left"]) - values(GIVEN["left"])).max() < 0.01
+    with refuses(errors.ArgumentError, "prior", "10 degrees"):
+        refine.from_overlaps(GIVEN, images, grid=GRID, prior=(20, 0.1))
+    with refuses(errors.ArgumentError, "prior"):
+        refine.from_overlaps(GIVEN, images, grid=GRID, prior=(1.0, 0.1, 2.0))

@@ -12,7 +12,7 @@ import warnings
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from itertools import islice
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,9 +20,10 @@ from numpy.typing import NDArray
 from ipm_rs._arguments import number_of
 from ipm_rs._core import BevGrid, Plane
 from ipm_rs.errors import ArgumentError, ArgumentTypeError, CalibrationError, CalibrationWarning, ImageError
-from ipm_rs.refine._inputs import guarded
+from ipm_rs.refine._inputs import guarded, numbers_of
 from ipm_rs.refine._pictures import grey_of
 from ipm_rs.refine._ring import Ring
+from ipm_rs.refine._ringsearch import searched
 from ipm_rs.refine._road import PARAMETERS
 from ipm_rs.rig import Rig, RigLut
 
@@ -89,6 +90,7 @@ def from_overlaps(
     fixed: str | None = None,
     grid: BevGrid | None = None,
     ground: float | Plane = 0.0,
+    prior: tuple[float, float] | None = None,
 ) -> RigFit:
     """Find roll, pitch, yaw and height of the cameras of a ring: those with which overlapping views of the road agree.
 
@@ -107,6 +109,10 @@ def from_overlaps(
         the cameras, and cells of a sixteenth of the height.
     ground : float or Plane
         The road in the vehicle frame.
+    prior : (float, float), optional
+        How far off the cameras are likely to be as given, as standard deviations: of roll, pitch and yaw in degrees,
+        and of the height in metres. What the overlaps do not tell is held to it, and poses are searched within
+        one and a half of it. By default (2, a tenth of the height); pass less for a ring that was calibrated well.
 
     Returns
     -------
@@ -120,8 +126,8 @@ def from_overlaps(
     ImageError, DtypeError
         A picture has another size than its camera's, or the road has no contrast.
     CalibrationError
-        A camera is not above the road, no two views agree whatever the poses, or a pair agrees less with those that
-        were found than before, as where what they see is not flat.
+        A camera is not above the road, no two views agree whatever the poses, or all cameras stay because a pair would
+        agree less than before, as where what they see is not flat.
     """
     if not isinstance(rig, Rig):
         raise ArgumentTypeError(f"rig: expected an ipm_rs.Rig, got {type(rig).__name__}; write Rig({{name: camera}})")
@@ -156,42 +162,47 @@ def from_overlaps(
     with warnings.catch_warnings():
         # a camera that sees no cell, or stands oddly on the way, is none that the caller made
         warnings.simplefilter("ignore", CalibrationWarning)
-        return _fitted(rig, Ring(rig, instants, held, plane, area, height))
+        return _fitted(rig, Ring(rig, instants, held, plane, area, height, _likely(prior, height)))
 
 
 def _fitted(rig: Rig, ring: Ring) -> RigFit:
-    names, held = list(rig), ring.fixed
+    names = list(rig)
     if not ring.pairs:
         raise ArgumentError(
-            f"rig: expected cameras that see the same road as {held!r}, got none that share 100 cells of it; check "
-            "their poses, or pass a grid= farther out or of larger cells"
+            f"rig: expected cameras that see the same road as {ring.fixed!r}, got none that share 100 cells of it; "
+            "check their poses, or pass a grid= farther out or of larger cells"
         )
     before = ring.agreement(ring.start)
-    state = ring.solved()
-    after = ring.agreement(state)
-    if not max(after.values(), default=0.0) >= _LEAST_CORRELATION:
-        flat = all(
-            float(picture.std()) < 1e-3 * max(abs(float(picture.mean())), 1e-9) for picture in ring.instants[0].values()
-        )
-        if flat:
-            raise ImageError("images: expected pictures with contrast, got the same brightness everywhere")
-        raise CalibrationError(
-            f"images: expected views that agree with some poses, but they correlate with "
-            f"{max(after.values(), default=0.0):.2f} at best; check the names, the instants and ground="
-        )
-    astray = [pair for pair, score in after.items() if before.get(pair, score) - score > _WORSE]
-    if astray:
-        one, other = max(astray, key=lambda pair: before[pair] - after[pair])
-        raise CalibrationError(
-            f"images: expected views that agree better with other poses, but those of {one!r} and {other!r} correlate "
-            f"with {after[one, other]:.2f}, {before[one, other]:.2f} before; hide the own car with camera.masked(), "
-            "pass a grid= of road that is flat, or more instants"
-        )
+    held: dict[str, str] = {}
+    state = searched(ring)
+    while True:
+        state = ring.solved(state, ring.levels[-1:])
+        after = ring.agreement(state)
+        if not max(after.values(), default=0.0) >= _LEAST_CORRELATION:
+            _none_agree(ring, after)
+        astray = ring.astray(before, after, _WORSE)
+        unlike = ring.unlike(after) if len(ring.free) > 1 else None
+        if astray is None and unlike is None:
+            break
+        if astray is None and unlike is not None:
+            state = ring.hold(unlike, state)
+            held[unlike] = "no pose was found with which its views agree as those of the others do"
+            continue
+        assert astray is not None
+        name, pair = astray
+        state = ring.hold(name, state)
+        held[name] = f"its view and that of {pair[0] if pair[1] == name else pair[1]} would agree less than as given"
+        if not ring.free:
+            raise CalibrationError(
+                f"images: expected views that agree better with other poses, but those of {pair[0]!r} and {pair[1]!r} "
+                f"correlate with {after[pair]:.2f}, {before.get(pair, math.nan):.2f} before; hide the own car with "
+                "camera.masked(), pass a grid= of road that is flat, more instants, or a smaller prior="
+            )
     covariance = ring.covariance(state)
     moved = {name: rig[name].with_pose(state[name].camera_from_vehicle) for name in ring.free}
     found = Rig({name: moved.get(name, camera) for name, camera in rig.items()})
-    kept = {held: "the others are fitted to it"}
-    kept |= {name: "it shares no road with the others" for name in names if name != held and name not in ring.free}
+    kept = {ring.fixed: "the others are fitted to it"} | held
+    kept |= {name: "it shares no road with the others" for name in names if name not in (*kept, *ring.free)}
     return RigFit(
         rig=found,
         parameters=tuple((name, parameter) for name in ring.free for parameter in PARAMETERS),
@@ -202,6 +213,29 @@ def _fitted(rig: Rig, ring: Ring) -> RigFit:
         gains=RigLut(found, ring.grids[2], ground=ring.ground).gains(ring.instants[0]),
         grid=ring.area,
     )
+
+
+def _none_agree(ring: Ring, after: Mapping[tuple[str, str], float]) -> NoReturn:
+    pictures = ring.instants[0].values()
+    if all(float(picture.std()) < 1e-3 * max(abs(float(picture.mean())), 1e-9) for picture in pictures):
+        raise ImageError("images: expected pictures with contrast, got the same brightness everywhere")
+    raise CalibrationError(
+        f"images: expected views that agree with some poses, but they correlate with "
+        f"{max(after.values(), default=0.0):.2f} at best; check the names, the instants and ground="
+    )
+
+
+def _likely(prior: tuple[float, float] | None, height: float) -> NDArray[np.float64]:
+    """Return the standard deviations of roll, pitch, yaw (radians) and height (metres) of a camera as it was given."""
+    if prior is None:
+        return np.array([math.radians(2.0)] * 3 + [0.1 * height])
+    degrees, metres = numbers_of("prior", prior, (2,), "degrees and metres that cameras are likely to be off by")
+    if not (0.0 < degrees <= 10.0 and 0.0 < metres <= height):
+        raise ArgumentError(
+            f"prior: expected up to 10 degrees and {height:.3g} metres, both above 0, got ({degrees:g}, {metres:g}); "
+            "leave it out for 2 degrees and a tenth of the height"
+        )
+    return np.array([math.radians(degrees)] * 3 + [metres])
 
 
 def _area(places: NDArray[np.float64], height: float) -> BevGrid:

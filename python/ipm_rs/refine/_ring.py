@@ -27,10 +27,12 @@ _LEVELS = (8, 4, 2, 1)
 _FEWEST_CELLS = 100
 _RESOLVED = 0.5
 """Pixels a cell in the worse direction: what is resolved less is smear."""
-_LIKELY = np.array([math.radians(3.0)] * 3 + [0.2])
-"""Standard deviations of what a mounting is off by, the height in heights: what no overlap tells is held to it."""
-_SAMPLED = 0.015
-"""Pixels by which sampling puts all views off alike: see `_alignment`."""
+_SAMPLED = 0.15
+"""Pixels by which sampling puts all views off alike: see `_alignment`. Chosen on seed 0 of `scripts/try_refine.py ring
+pinhole6`, whose narrow overlaps are looked at from the edges of two pictures; of fisheyes it is too much."""
+_UNLIKE = 0.75
+"""Of the median of all pairs: a camera whose views agree less than this part of it, with each neighbour, is misplaced.
+In two of three synthetic rings one of five was, by 1 to 3 degrees, with 0.47 and 0.60 where others had 0.98."""
 
 
 class View(NamedTuple):
@@ -60,6 +62,9 @@ class Ring:
         The finest grid that is compared.
     height : float
         Of the cameras above the road, metres: the size of things.
+    likely : (4,)
+        Standard deviations of what roll, pitch, yaw (radians) and height (metres) of the cameras are off by: what no
+        overlap tells is held to them.
     """
 
     def __init__(
@@ -70,10 +75,12 @@ class Ring:
         ground: Plane,
         area: BevGrid,
         height: float,
+        likely: Matrix,
     ) -> None:
         self.cameras, self.instants, self.fixed = dict(cameras), instants, fixed
-        self.ground, self.area, self.height = ground, area, height
+        self.ground, self.area, self.height, self.likely = ground, area, height, likely
         self.start: State = {name: pose_of_camera(camera) for name, camera in cameras.items()}
+        self.levels = _LEVELS
         self.grids = {level: self._coarser(level) for level in _LEVELS}
         self.pairs = [pair for pair, cells in self.overlaps(self.start, 1).items() if cells.sum() >= _FEWEST_CELLS]
         told, more = {fixed}, True
@@ -110,10 +117,41 @@ class Ring:
 
     # ------------------------------------------------------------------------------------------------------------------
 
-    def solved(self) -> State:
-        """Return the poses with which the views agree, from coarse cells to fine ones."""
-        state = self.start
-        for level in _LEVELS:
+    def hold(self, name: str, state: State) -> State:
+        """Leave a camera as it was given, and return the state with it so."""
+        self.free.remove(name)
+        return {**state, name: self.start[name]}
+
+    def astray(
+        self, before: Mapping[tuple[str, str], float], after: Mapping[tuple[str, str], float], worse: float
+    ) -> tuple[str, tuple[str, str]] | None:
+        """Return the free camera of the pair that agrees so much less than before, and the pair; None if none does."""
+        lost = {
+            pair: before.get(pair, -1.0) - after.get(pair, -1.0)
+            for pair in {*before, *after}
+            if set(pair) & set(self.free) and pair in self.pairs
+        }
+        pair = max(lost, key=lambda each: lost[each], default=None)
+        if pair is None or lost[pair] <= worse:
+            return None
+        # of two the one that agrees less with the rest
+        scores = {
+            name: max((score for each, score in after.items() if name in each and each != pair), default=-1.0)
+            for name in pair
+            if name in self.free
+        }
+        return min(scores, key=lambda name: scores[name]), pair
+
+    def unlike(self, after: Mapping[tuple[str, str], float]) -> str | None:
+        """Return the free camera whose views agree far less with each neighbour's than pairs usually do."""
+        best = {name: max((score for pair, score in after.items() if name in pair), default=-1.0) for name in self.free}
+        name = min(best, key=lambda each: best[each], default=None)
+        usual = float(np.median(list(after.values()))) if len(after) > 2 else -1.0
+        return name if name is not None and best[name] < _UNLIKE * usual else None
+
+    def solved(self, state: State, levels: Sequence[int]) -> State:
+        """Return the poses near others with which the views agree, from coarse cells to fine ones."""
+        for level in levels:
             for _ in range(2):  # the second time with the cells, and the spread, of better poses
                 chosen = self._chosen(state, level)
                 spread = self._spread(state, chosen, level)
@@ -150,7 +188,7 @@ class Ring:
                 np.asarray(lut.warp(images[name], interpolation="area", threads=1), dtype=np.float64)
                 for images in self.instants
             ]
-            if name == self.fixed:
+            if name not in self.free:
                 return View(pictures, [], rows)
             away = points - pose.position
             _, pitch, yaw = angles_of(square(pose.rotation))
@@ -170,7 +208,7 @@ class Ring:
                 slopes.append(np.stack([down * flow[:, 0] + right * flow[:, 1] for flow in flows], axis=-1))
             return View(pictures, slopes, rows)
 
-        names = [name for name in self.cameras if name in self.free or name == self.fixed]
+        names = [name for name in self.cameras if any(name in pair for pair in chosen)]
         return dict(zip(names, in_threads(view, names), strict=True))
 
     def _differences(
@@ -187,7 +225,7 @@ class Ring:
             ratio = float(np.clip(values.std() / max(there.std(), 1e-9), 0.5, 2.0))
             J = np.zeros((len(values), 8))
             for column, (name, sign) in enumerate(zip(pair, (-ratio, 1.0), strict=True)):
-                if name != self.fixed:
+                if name in self.free:
                     J[:, 4 * column : 4 * column + 4] = sign * views[name].slopes[instant][views[name].rows[both]]
             off, J = exposed(values, there, spread, J if spread is not None else None)
             found.append((off, J, float(cells.sum()) / len(off), both))
@@ -202,7 +240,7 @@ class Ring:
         """Return where the eight derivatives of a pair belong; those of the fixed camera nowhere, -1."""
         columns = []
         for name in pair:
-            first = 4 * self.free.index(name) if name != self.fixed else -9
+            first = 4 * self.free.index(name) if name in self.free else -9
             columns += [first + k if first >= 0 else -1 for k in range(4)]
         return columns
 
@@ -225,14 +263,12 @@ class Ring:
         for index, name in enumerate(self.free):
             turned = np.array(angles_of(square(state[name].rotation))) - angles_of(square(self.start[name].rotation))
             turned = (turned + math.pi) % (2.0 * math.pi) - math.pi
-            lifted = (state[name].position[2] - self.start[name].position[2]) / self.height
-            away = np.array([*turned, lifted])
-            scale = np.array([1.0, 1.0, 1.0, 1.0 / self.height])
-            strength = (spread / _LIKELY) ** 2
+            away = np.array([*turned, state[name].position[2] - self.start[name].position[2]])
+            strength = (spread / self.likely) ** 2
             at = slice(4 * index, 4 * index + 4)
             cost += 0.5 * float((strength * away**2).sum())
-            gradient[at] += strength * away * scale
-            hessian[at, at] += np.diag(strength * scale**2)
+            gradient[at] += strength * away
+            hessian[at, at] += np.diag(strength)
         return Normal(cost, gradient, hessian)
 
     # ------------------------------------------------------------------------------------------------------------------
@@ -243,7 +279,7 @@ class Ring:
         spread, views = self._spread(state, chosen, 1), self.views(state, 1, chosen)
         normal = self._normal(chosen, spread, 1, state)
         size = 4 * len(self.free)
-        likely = np.tile(_LIKELY * (1.0, 1.0, 1.0, self.height), len(self.free))
+        likely = np.tile(self.likely, len(self.free))
         inverse = inverse_of(normal.hessian)
         if inverse is None:
             return np.diag(likely**2)
@@ -261,7 +297,7 @@ class Ring:
                 together = patched(np.concatenate(places), np.concatenate(pulls), size=self.height)
                 middle[np.ix_(where, where)] += scatter_of(together)
         angles = [_SAMPLED / float(self.cameras[name].intrinsics[0, 0]) for name in self.free]
-        least = np.concatenate([[a, a, a, 10.0 * a * self.height] for a in angles])
+        least = np.concatenate([[a, a, a, 5.0 * a * self.height] for a in angles])
         return np.asarray(inverse @ middle @ inverse + np.diag(least**2), dtype=np.float64)
 
     def agreement(self, state: State) -> dict[tuple[str, str], float]:
