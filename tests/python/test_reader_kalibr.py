@@ -177,7 +177,8 @@ def test_which_camera():
     [
         ({"camera_model": "kb4"}, ["cam0.camera_model", "'pinhole'", "'kb4'"]),
         ({"camera_model": None, "resolution": None}, ["missing camera_model; resolution"]),
-        ({"distortion_model": "fov", "distortion_coeffs": [0.9]}, ["distortion_model", "'fov'", "pinhole-equi"]),
+        ({"distortion_model": "fov", "distortion_coeffs": [0.9, 0.1]}, ["cam0.distortion_coeffs", "got 2"]),
+        ({"distortion_model": "fov", "distortion_coeffs": [3.9]}, ["cam0", "omega", "below pi"]),
         ({"distortion_model": "equi"}, ["'equidistant'", "'equi'"]),
         (
             {"camera_model": "omni", "intrinsics": [1, 2, 3, 4, 5], "distortion_model": "equidistant"},

@@ -187,7 +187,7 @@ def test_realsense_as_json_and_as_text(tmp_path):
         (5, [0.1, 0.2, 0.0, 0.0, 0.0], KannalaBrandt([0.1, 0.2, 0, 0])),
         ("Kannala Brandt4", [0, 0, 0, 0, 0], KannalaBrandt([0, 0, 0, 0])),
         ("RS2_DISTORTION_NONE", [0, 0, 0, 0, 0], None),
-        ("Inverse Brown Conrady", [0.1, 0, 0, 0, 0], "got inverse Brown Conrady, which has no model"),
+        ("Inverse Brown Conrady", [0.1, 0, 0, 0, 0], "inverse_means='undistorts'"),
         (1, [0.1, 0, 0.01, 0, 0], "got modified Brown Conrady"),
         ("Ftheta", [0, 0, 0, 0, 0], "which has no lens here"),
         ("fov", [0, 0, 0, 0, 0], "expected a model of librealsense"),
@@ -201,6 +201,17 @@ def test_models_of_librealsense(model, coeffs, lens):
             Camera.from_realsense(content)
     else:
         assert Camera.from_realsense(content).lens == lens
+
+
+@pytest.mark.parametrize(("means", "lens"), [("undistorts", ipm_rs.InverseBrownConrady), ("distorts", BrownConrady)])
+def test_what_inverse_means_is_the_callers_to_say(means, lens):
+    terms = [-0.05, 0.06, 3e-4, -2e-4, -0.01]
+    content = {**REALSENSE["color"], "model": 2, "coeffs": terms}
+    assert Camera.from_realsense(content, inverse_means=means).lens == lens(terms)
+    assert Camera.from_realsense({**content, "coeffs": [0.0] * 5}, inverse_means=means).lens is None
+    assert Camera.from_realsense({**content, "model": 4}, inverse_means=means).lens == BrownConrady(terms)
+    with refuses(errors.ArgumentError, "inverse_means", "undistorts", "both"):
+        Camera.from_realsense(content, inverse_means="both")
 
 
 def test_text_without_a_block(tmp_path):

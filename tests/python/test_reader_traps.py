@@ -263,8 +263,7 @@ def test_lenses_of_others_in_other_formats(tmp_path):
         ipm_rs.Camera.from_ros(info)
     assert ipm_rs.Camera.from_ros({**info, "D": [0.0] * 5}).lens is None
     chain = {**_CHAIN, "distortion_model": "fov", "distortion_coeffs": [0.92]}
-    with refuses(errors.CalibrationError, "distortion_model", "'fov'"):
-        ipm_rs.Camera.from_kalibr({"cam0": chain})
+    assert ipm_rs.Camera.from_kalibr({"cam0": chain}).lens == ipm_rs.Fov(0.92)
     assert ipm_rs.Camera.from_kalibr({"cam0": {**chain, "distortion_coeffs": [0.0]}}).lens is None
     record = {**_SENSOR, "rotation": [0.5, -0.5, 0.5, -0.5], "camera_distortion": D, "distortion_model": "division"}
     with refuses(errors.CalibrationError, "distortion_model", "'division'"):

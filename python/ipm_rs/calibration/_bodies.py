@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ipm_rs._arguments import check_word
-from ipm_rs._core import BrownConrady, KannalaBrandt
+from ipm_rs._core import BrownConrady, Fov, KannalaBrandt
 from ipm_rs.calibration._checks import OPTICAL_FROM_FLU, Matrix, blame, coefficients, inverse, rigid
 from ipm_rs.calibration._lenswords import known_lens
 from ipm_rs.calibration._mount import rigid_argument
@@ -86,7 +86,7 @@ def on_body(
 
 
 def lens_named(word: Any, values: Any, where: str, *, others: Mapping[str, str] | None = None) -> Any:
-    """Lens of Brown-Conrady or Kannala-Brandt by a format's word for it; None where nothing bends.
+    """Lens of Brown-Conrady, Kannala-Brandt or FOV by a format's word for it; None where nothing bends.
 
     Parameters
     ----------
@@ -100,7 +100,7 @@ def lens_named(word: Any, values: Any, where: str, *, others: Mapping[str, str] 
         Words that the format alone gives to a lens of ours, or to none ("").
     """
     kind = (others or {}).get(word if isinstance(word, str) else "", known_lens(word))
-    if kind not in ("brown_conrady", "fisheye", "pinhole"):
+    if kind not in ("brown_conrady", "fisheye", "fov", "pinhole"):
         raise CalibrationError(
             f"{where}: expected a lens such as radial-tangential, equidistant or none, got {word!r:.60}, which has no "
             "model here; calibrate again with one of these, or undistort the images first"
@@ -109,8 +109,10 @@ def lens_named(word: Any, values: Any, where: str, *, others: Mapping[str, str] 
         return None
     if kind == "brown_conrady":
         return brown(values, f"{where} ({word})")
-    terms = coefficients(values, f"{where} ({word})", (4,))
+    terms = coefficients(values, f"{where} ({word})", (1,) if kind == "fov" else (4,))
     with blame(where):
+        if kind == "fov":
+            return Fov(terms[0]) if terms.any() else None
         return KannalaBrandt(terms)
 
 

@@ -4,8 +4,8 @@ The format, after Kalibr's ``ConfigReader.py``. One section ``cam0``, ``cam1``, 
 
 * ``intrinsics``: ``pinhole`` [fu, fv, pu, pv]; ``omni`` [xi, fu, fv, pu, pv]; ``ds`` [xi, alpha, fu, fv, pu, pv];
   ``eucm`` [alpha, beta, fu, fv, pu, pv]. (basalt, whose files are JSON, puts xi and alpha last.)
-* ``distortion_model`` ``radtan`` [k1, k2, p1, p2] and ``equidistant`` [k1, k2, k3, k4] for pinhole, ``radtan`` for
-  omni, ``none`` for all. ``fov`` is refused: no lens model of ours is it.
+* ``distortion_model`` ``radtan`` [k1, k2, p1, p2], ``equidistant`` [k1, k2, k3, k4] and ``fov`` [omega] for pinhole,
+  ``radtan`` for omni, ``none`` for all.
 * ``resolution`` [width, height]; pixel (0, 0) is a pixel's centre; axes optical (x right, y down, z forward).
 * ``T_cam_imu`` takes points of the IMU to the camera; OpenVINS writes the inverse, ``T_imu_cam``. ``T_cn_cnm1`` takes
   points of the camera before to this camera (``baseline_last_to_this_cam`` in old files).
@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ipm_rs._arguments import check_word
-from ipm_rs._core import BrownConrady, Camera, DoubleSphere, Eucm, KannalaBrandt, Mei
+from ipm_rs._core import BrownConrady, Camera, DoubleSphere, Eucm, Fov, KannalaBrandt, Mei
 from ipm_rs.calibration._camera import build
 from ipm_rs.calibration._checks import OPTICAL_FROM_FLU, Section, blame, coefficients, inverse, listed, pinhole, rigid
 from ipm_rs.calibration._files import Document, Source, open_document, same_size
@@ -48,7 +48,7 @@ KEYS = (
 _CAMERA = re.compile(r"cam([0-9]{1,3})")
 _MODELS = {"pinhole": 0, "omni": 1, "ds": 2, "eucm": 2}  # numbers before fu, fv, pu, pv
 _DISTORTIONS = {
-    "pinhole": {"radtan": 4, "equidistant": 4, "none": 0},
+    "pinhole": {"radtan": 4, "equidistant": 4, "fov": 1, "none": 0},
     "omni": {"radtan": 4, "none": 0},
     "ds": {"none": 0},
     "eucm": {"none": 0},
@@ -154,6 +154,8 @@ def read(
             lens = Eucm(own[0], own[1])
         elif section.content["distortion_model"] == "equidistant":
             lens = KannalaBrandt(coefficients)
+        elif section.content["distortion_model"] == "fov":
+            lens = Fov(coefficients[0]) if len(coefficients) else None
         elif coefficients.any():
             lens = BrownConrady(coefficients)
     return build(
@@ -199,11 +201,6 @@ def _distortion(section: Section, model: str) -> Matrix:
     if len(terms) and not terms.any() and plain_word(kind) in FOREIGN:
         refuse_foreign({"distortion_model": kind}, section.where(), bends=False, known="radtan or equidistant")
         return np.zeros(0)
-    if kind == "fov":
-        raise CalibrationError(
-            f"{section.where('distortion_model')}: expected radtan, equidistant or none, got 'fov', which has no "
-            "lens model here; calibrate with pinhole-equi (equidistant), which fits the same lenses"
-        )
     if kind == "equi":  # the name on Kalibr's command line
         raise CalibrationError(
             f"{section.where('distortion_model')}: expected 'equidistant', got 'equi', its name on the command line; "

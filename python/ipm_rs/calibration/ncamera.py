@@ -8,8 +8,7 @@ The format, after aslam_cv2's and SVO's parsers: a list ``cameras``, at the top 
   is a pixel's centre. A ``type`` of unified-projection is MEI's model: xi stands before the four, and ``distortion``
   is radial-tangential or none. SVO's ``omni`` (a polynomial of 24 numbers) has no lens here and is refused.
 * ``distortion``: ``radial-tangential`` [k1, k2, p1, p2], ``equidistant`` [k1, k2, k3, k4], ``none``, or left out. What
-  is called ``fisheye`` there is the FOV model of Devernay and Faugeras with its one number: it has no lens here and is
-  refused.
+  is called ``fisheye`` there is the FOV model of Devernay and Faugeras with its one number.
 * ``T_B_C`` takes points of the camera to the body, which is the IMU; ``T_C_B`` is its inverse.
 
 The file knows no road and no vehicle: ``vehicle_from_body=`` says how the body stands on the vehicle (x forward, y

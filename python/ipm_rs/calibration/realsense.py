@@ -9,9 +9,9 @@ The format, after librealsense's documentation of projection and its ``rsutil.h`
   And what ``print(intrinsics)`` gives: ``[ 640x480  p[313.9 236.6]  f[612.9 613.5]  Brown Conrady [0 0 0 0 0] ]``.
 * Pixel (0, 0) is a pixel's centre; axes optical (x right, y down, z forward).
 * Brown Conrady is OpenCV's (k1, k2, p1, p2, k3). **Inverse** Brown Conrady, which colour streams have, goes from the
-  image to the ray by that formula: it has no lens here, and is read where its coefficients are all 0, as they often
-  are. So has Modified Brown Conrady where p1 or p2 is not 0. Kannala-Brandt is ``cv2.fisheye``'s; F-theta has no lens
-  here.
+  image to the ray by that formula after ``rs_types.h``, but ``rs2_project_point_to_pixel`` takes the same numbers from
+  the ray to the image: where they are not all 0, as they often are, ``inverse_means=`` must say which. Modified Brown
+  Conrady where p1 or p2 is not 0 has no lens here. Kannala-Brandt is ``cv2.fisheye``'s; F-theta has no lens here.
 
 There is no pose and no road: the camera is at the origin and looks along +x, forward, unless ``vehicle_from_camera=``
 says how it is mounted; ``ground=`` is minus its height.
@@ -22,13 +22,13 @@ from __future__ import annotations
 import itertools
 import re
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from ipm_rs._arguments import check_word
-from ipm_rs._core import BrownConrady, Camera, KannalaBrandt
-from ipm_rs.calibration._bodies import pick
+from ipm_rs._core import BrownConrady, Camera, InverseBrownConrady, KannalaBrandt
+from ipm_rs.calibration._bodies import one_of, pick
 from ipm_rs.calibration._camera import build
 from ipm_rs.calibration._checks import Section, blame, describe, pinhole
 from ipm_rs.calibration._files import Document, Source, open_document, same_size
@@ -86,6 +86,7 @@ def read(
     image_size: tuple[int, int] | None = None,
     camera_from_vehicle: ArrayLike | None = None,
     vehicle_from_camera: ArrayLike | None = None,
+    inverse_means: Literal["undistorts", "distorts"] | None = None,
 ) -> Camera:
     """Read the intrinsics of one stream of a RealSense.
 
@@ -101,6 +102,12 @@ def read(
         Width and height in pixels. The file says it; if given it must agree.
     camera_from_vehicle, vehicle_from_camera : (4, 4) array, optional
         How the camera is mounted, in either direction.
+    inverse_means : {"undistorts", "distorts"}, optional
+        What Inverse Brown Conrady's coefficients do that are not all 0. ``"undistorts"``: the formula goes from the
+        image to the ray, `InverseBrownConrady`, as librealsense's documentation says and
+        ``rs2_deproject_pixel_to_point`` does. ``"distorts"``: from the ray to the image, `BrownConrady`, as OpenCV fits
+        them and ``rs2_project_point_to_pixel`` does. Of a straight edge in a picture only the right one makes a
+        straight line.
 
     Returns
     -------
@@ -117,6 +124,8 @@ def read(
         There is no such stream; an argument is wrong.
     """
     check_word("camera", camera)
+    if inverse_means is not None:
+        one_of("inverse_means", inverse_means, ("undistorts", "distorts"), "or leave it out")
     origin, found = f"{TITLE} calibration", {}
     if not isinstance(source, Mapping):
         document = open_document(source, TITLE, or_mapping=True)
@@ -135,7 +144,7 @@ def read(
     same_size(image_size, size, origin)
     K = pinhole(*(place.number(key, unit="pixels") for key in ("fx", "fy", "ppx", "ppy")))
     pose = mounted(camera_from_vehicle, vehicle_from_camera)
-    return build(place.where(), K, image_size=size, camera_from_vehicle=pose, lens=_lens(place))
+    return build(place.where(), K, image_size=size, camera_from_vehicle=pose, lens=_lens(place, inverse_means))
 
 
 def _sections(content: Any) -> dict[str, Any]:
@@ -172,7 +181,7 @@ def _of_text(text: str) -> dict[str, Any]:
     return found
 
 
-def _lens(place: Section) -> Any:
+def _lens(place: Section, inverse_means: str | None) -> Any:
     key = "distortion_model" if "distortion_model" in place and "model" not in place else "model"
     values = place.content.get("coeffs")
     terms = place.numbers("coeffs", (4, 5)) if values is not None else np.zeros(5)
@@ -183,10 +192,18 @@ def _lens(place: Section) -> Any:
             return KannalaBrandt(terms[:4])
         if not terms.any() or kind == "none":
             return None
-        if kind == "inverse" or (kind == "modified" and terms[2:4].any()):
+        if kind == "inverse" and inverse_means is None:
             raise CalibrationError(
-                f"{where}: expected Brown Conrady, or coefficients of 0, got {kind} Brown Conrady, which has no model; "
-                "calibrate with cv2.calibrateCamera, or undistort the images first"
+                f"{where}: expected Brown Conrady, or coefficients of 0, got inverse Brown Conrady, whose coefficients "
+                "librealsense takes either way; pass inverse_means='undistorts' (from the image to the ray) or "
+                "'distorts' (from the ray to the image), whichever makes straight edges straight"
+            )
+        if kind == "inverse" and inverse_means == "undistorts":
+            return InverseBrownConrady(terms)
+        if kind == "modified" and terms[2:4].any():
+            raise CalibrationError(
+                f"{where}: expected Brown Conrady, or coefficients of 0, got modified Brown Conrady, which has no "
+                "model; calibrate with cv2.calibrateCamera, or undistort the images first"
             )
         return BrownConrady(terms)
 
