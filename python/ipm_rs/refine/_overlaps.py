@@ -54,7 +54,8 @@ class RigFit:
     covariance: NDArray[np.float64]
     """(P, P) of the parameters."""
     kept: dict[str, str]
-    """Cameras that stay as they were, and why: the fixed one, and those that share no road with the others."""
+    """Cameras that stay as they were, and why: the fixed one, those that share no road with the others, and those for
+    which no pose was found that suits their pairs."""
     before: dict[tuple[str, str], float]
     """Correlation of the views of each pair with the rig as it was given, the mean of the instants."""
     after: dict[tuple[str, str], float]
