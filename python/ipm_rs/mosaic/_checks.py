@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 
-from ipm_rs._arguments import number_of
-from ipm_rs.errors import ArgumentError, ArgumentTypeError, GridError
+from ipm_rs._arguments import array_of, number_of
+from ipm_rs.errors import ArgumentError, ArgumentTypeError, GridError, IpmError
 
-__all__ = ["dtype_of", "overlap", "range_of", "whole_of"]
+__all__ = ["dtype_of", "each_of", "overlap", "range_of", "whole_of"]
 
 
 def overlap(index: int, side: int, first: int, end: int) -> tuple[slice, slice]:
@@ -22,12 +23,10 @@ def overlap(index: int, side: int, first: int, end: int) -> tuple[slice, slice]:
 def range_of(name: str, given: Any, resolution: float) -> tuple[int, int] | None:
     if given is None:
         return None
-    try:
-        low, high = (number_of(name, value, low=-1e9, high=1e9, what=" of metres") for value in given)
-    except (TypeError, ValueError) as error:
-        if isinstance(error, (ArgumentError, ArgumentTypeError)):
-            raise
-        raise ArgumentTypeError(f"{name}: expected (min, max) in metres, got {type(given).__name__}") from error
+    values = array_of(name, given)
+    if values.shape != (2,) or values.dtype.kind not in "iuf":
+        raise ArgumentTypeError(f"{name}: expected (min, max) in metres, got {values.dtype} of shape {values.shape}")
+    low, high = (number_of(name, value, low=-1e9, high=1e9, what=" of metres") for value in values)
     first, end = round(low / resolution), round(high / resolution)
     if max(abs(first - low / resolution), abs(end - high / resolution)) > 1e-4 or first >= end:
         raise GridError(
@@ -54,3 +53,23 @@ def dtype_of(value: Any) -> np.dtype[Any]:
     if dtype not in (np.uint8, np.uint16):
         raise ArgumentError(f"dtype: expected uint8 or uint16, got {dtype}; scale the pictures to one of them")
     return dtype
+
+
+def each_of(name: str, values: Any, *, again: bool = False) -> Iterator[Any]:
+    """Yield the items of an iterable; with `again` it must be one that can be gone through several times.
+
+    Raises
+    ------
+    ArgumentTypeError
+        It is none, or raises what is no error of ours.
+    """
+    wanted = f"{name}: expected a list of (camera, image, map_from_vehicle)"
+    try:
+        items = iter(values)
+        if again and items is values:
+            raise ArgumentTypeError(f"{wanted}, got {type(values).__name__}; it is gone through several times")
+        yield from items
+    except (IpmError, MemoryError):
+        raise
+    except Exception as error:  # `__iter__` raises what it likes
+        raise ArgumentTypeError(f"{wanted}, got {type(values).__name__} that cannot be gone through") from error

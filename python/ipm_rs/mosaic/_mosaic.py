@@ -14,7 +14,7 @@ from ipm_rs._core import BevGrid, Camera, HeightMap, Plane, _mosaic_add
 from ipm_rs.errors import ArgumentError, ArgumentTypeError, FileError, MosaicError
 from ipm_rs.files.atomic import as_path
 from ipm_rs.mosaic._cache import Tiles
-from ipm_rs.mosaic._checks import dtype_of, overlap, range_of, whole_of
+from ipm_rs.mosaic._checks import dtype_of, each_of, overlap, range_of, whole_of
 from ipm_rs.mosaic._frames import checked_pictures
 from ipm_rs.mosaic._placing import Placed, Window, cells_grid, distance_of, ground_in_map, placed, pose_of, windows
 from ipm_rs.mosaic._refining import refined
@@ -350,17 +350,12 @@ class Mosaic:
         self._check_whole()
         steps, limits = whole_of("iterations", iterations, 1, 20), distance_of(distance)
         threads = None if threads is None else whole_of("threads", threads, 1, 1024)
-        if not isinstance(frames, Iterable) or iter(frames) is frames:
-            raise ArgumentTypeError(
-                f"frames: expected a list of (camera, image, map_from_vehicle), got {type(frames).__name__}; it is "
-                "gone through several times"
-            )
         kind = self._kind
         if kind is None or not self._tiles.keys():
             raise MosaicError("mosaic: expected a map of frames to refine, got an empty one; add them first")
 
         def shown() -> Iterator[tuple[NDArray[Any], Placed, list[Window]]]:
-            for frame in frames:
+            for frame in each_of("frames", frames, again=True):
                 if not isinstance(frame, (tuple, list)) or len(frame) != 3:
                     raise ArgumentTypeError(
                         f"frames: expected (camera, image, map_from_vehicle), got {type(frame).__name__}"

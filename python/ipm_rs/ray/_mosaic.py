@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from ipm_rs._core import Camera, HeightMap, Plane
 from ipm_rs.errors import ArgumentTypeError
 from ipm_rs.mosaic import Mosaic
+from ipm_rs.mosaic._checks import each_of
 from ipm_rs.ray._batches import image_of
 from ipm_rs.ray._cluster import connected, whole
 from ipm_rs.rig import Rig
@@ -66,8 +67,6 @@ def mosaic(
     """
     if not isinstance(into, Mosaic):
         raise ArgumentTypeError(f"into: expected an ipm_rs.Mosaic, got {type(into).__name__}; make one")
-    if not isinstance(frames, Iterable):
-        raise ArgumentTypeError(f"frames: expected (camera, image, map_from_vehicle), got {type(frames).__name__}")
     size = whole("stretch", stretch, 1, 100_000)
     settings = {"resolution": into.resolution, "tile": into.tile, "channels": into.channels, "dtype": into.dtype}
     options = {"ground": ground, "distance": distance}
@@ -98,7 +97,7 @@ def _merged(ray: Any, pending: list[Any], into: Mosaic) -> list[Any]:
 
 def _stretches(frames: Iterable[Frame], into: Mosaic, size: int) -> Iterator[list[tuple[str, Frame]]]:
     part: list[tuple[str, Frame]] = []
-    for number, frame in enumerate(frames):
+    for number, frame in enumerate(each_of("frames", frames)):
         if not isinstance(frame, (tuple, list)) or len(frame) != 3:
             raise ArgumentTypeError(f"frames: expected (camera, image, map_from_vehicle), got {type(frame).__name__}")
         image = frame[1]
