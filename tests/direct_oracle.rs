@@ -71,19 +71,45 @@ impl Direct for i16 {
     }
 }
 
-/// Where a coordinate is once the border mode brought it into the image.
+/// Where a mode has what lies at a place, for bilinear. None of a coordinate that is no number.
 fn folded(mode: BorderMode, at: f64, size: usize) -> f64 {
-    let last = size as f64 - 1.0;
+    let (count, last) = (size as f64, size as f64 - 1.0);
     match mode {
-        BorderMode::Constant => at,
+        BorderMode::Constant | BorderMode::Transparent => at,
         _ if !at.is_finite() => f64::NAN,
         BorderMode::Replicate => at.clamp(0.0, last),
+        BorderMode::Reflect => {
+            let within = (at + 0.5).rem_euclid(2.0 * count);
+            (if within > count { 2.0 * count - within } else { within } - 0.5).clamp(0.0, last)
+        }
         BorderMode::Reflect101 if last == 0.0 => 0.0,
         BorderMode::Reflect101 => {
             let within = at.rem_euclid(2.0 * last);
             if within > last { 2.0 * last - within } else { within }
         }
+        BorderMode::Wrap => at.rem_euclid(count),
     }
+}
+
+/// The exact value where a mode has it: of a wrapped image from one that has its first column and row again at the end.
+fn exact<T: Direct>(
+    image: &ImageView<'_, T>,
+    [u, v]: [f64; 2],
+    border: &[f64],
+    mode: BorderMode,
+    kept: f64,
+) -> Vec<f64> {
+    let (width, height, channels) = (image.width(), image.height(), image.channels());
+    let at = [folded(mode, u, width), folded(mode, v, height)];
+    if mode == BorderMode::Wrap {
+        let data: Vec<T> = (0..=height)
+            .flat_map(|y| (0..=width).flat_map(move |x| image.pixel(x % width, y % height).iter().copied()))
+            .collect();
+        let twice = ImageView::new(&data, (width + 1, height + 1), channels).unwrap();
+        return reference::sample(&twice, Some(at), Interpolation::Bilinear, border).values;
+    }
+    let cell = reference::sample(image, Some(at), Interpolation::Bilinear, border);
+    if mode == BorderMode::Transparent && !cell.valid { vec![kept; channels] } else { cell.values }
 }
 
 fn compare<T: Direct>(
@@ -101,15 +127,20 @@ fn compare<T: Direct>(
     let all = data.iter().chain(&border).map(|&value| value.into());
     let (low, high) = all.fold((f64::MAX, f64::MIN), |(low, high), value| (low.min(value), high.max(value)));
     let allowed = T::allowed(high - low, low.abs().max(high.abs()));
-    let options = WarpOptions { border_value: border, threads: Some(2), ..WarpOptions::default() };
-    let mut got = vec![T::default(); columns * rows * channels];
+    let options = WarpOptions {
+        border_value: border,
+        border_mode: Some(border_mode),
+        threads: Some(2),
+        ..WarpOptions::default()
+    };
+    let kept = T::from_byte(77);
+    let mut got = vec![kept; columns * rows * channels];
     let mut out = ImageViewMut::new(&mut got, (columns, rows), channels).unwrap();
-    warp_direct_into(&view, mapping, &mut out, border_mode, &options).unwrap();
+    warp_direct_into(&view, mapping, &mut out, &options).unwrap();
     for (cell, values) in got.chunks(channels).enumerate() {
         let [u, v] = coordinate(cell);
-        let at = [folded(border_mode, u, width), folded(border_mode, v, height)];
-        let expected = reference::sample(&view, Some(at), Interpolation::Bilinear, &exact_border);
-        for (&value, exact) in values.iter().zip(expected.values) {
+        let expected = exact(&view, [u, v], &exact_border, border_mode, kept.into());
+        for (&value, exact) in values.iter().zip(expected) {
             let value: f64 = value.into();
             assert!(
                 (value - exact).abs() <= allowed,
@@ -120,14 +151,12 @@ fn compare<T: Direct>(
     }
 }
 
-const MODES: [BorderMode; 3] = [BorderMode::Constant, BorderMode::Replicate, BorderMode::Reflect101];
-
 proptest! {
     #[test]
     fn maps_of_any_numbers(
         (width, height, channels) in (1usize..9, 1usize..9, 1usize..6),
         coordinates in prop::collection::vec((coordinate(), coordinate()), 1..700),
-        mode in prop::sample::select(&MODES[..]),
+        mode in prop::sample::select(&BorderMode::ALL[..]),
     ) {
         let map_x: Vec<f64> = coordinates.iter().map(|c| c.0).collect();
         let map_y: Vec<f64> = coordinates.iter().map(|c| c.1).collect();
@@ -149,7 +178,7 @@ fn homographies() {
         let q = m * Vector3::new((cell % columns) as f64, (cell / columns) as f64, 1.0);
         [q.x / q.z, q.y / q.z]
     };
-    for mode in MODES {
+    for mode in BorderMode::ALL {
         for channels in 1..=5 {
             compare::<f32>(&Mapping::Homography(m), (columns, rows), at, (50, 37), channels, mode);
             compare::<f64>(&Mapping::Homography(m), (columns, rows), at, (50, 37), channels, mode);

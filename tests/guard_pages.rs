@@ -221,7 +221,13 @@ impl Pages {
                     let out = self.out.samples::<T>(cells * channels, out_guard);
                     let mut view = ImageViewMut::new(out, (lut.columns(), lut.rows()), channels).expect("a picture");
                     let border_value = border.clone();
-                    let options = WarpOptions { interpolation, isa: Some(isa), threads: Some(1), border_value };
+                    let options = WarpOptions {
+                        interpolation,
+                        isa: Some(isa),
+                        threads: Some(1),
+                        border_value,
+                        border_mode: None,
+                    };
                     TRYING.store(what.as_ptr().cast_mut().cast(), Ordering::Relaxed);
                     lut.warp_into(&images, &mut view, &options, gains).expect("the images fit the table");
                     TRYING.store(ptr::null_mut(), Ordering::Relaxed);

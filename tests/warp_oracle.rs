@@ -99,7 +99,8 @@ fn compare<T: Tolerance>(
     let mask = lut.mask().unwrap();
     let (mut valid, mut halo) = (0, 0);
     for interpolation in [Interpolation::Nearest, Interpolation::Bilinear] {
-        let options = WarpOptions { interpolation, border_value: border.clone(), threads: Some(2), isa: None };
+        let options =
+            WarpOptions { interpolation, border_value: border.clone(), threads: Some(2), ..WarpOptions::default() };
         let got = lut.warp(&view, &options).unwrap();
         for (cell, values) in got.chunks(channels).enumerate() {
             let (row, column) = (cell / lut.columns(), cell % lut.columns());

@@ -76,6 +76,7 @@ class _CpuInfo(TypedDict):
     platform: str
     build: str
 
+_BorderMode: TypeAlias = Literal["constant", "replicate", "reflect", "reflect_101", "wrap"]
 _Lens: TypeAlias = (
     BrownConrady
     | KannalaBrandt
@@ -1830,6 +1831,10 @@ class Camera:
     def image_size(self) -> tuple[int, int]:
         """(width, height) in pixels."""
     @property
+    def is_panorama(self) -> bool:
+        """Whether its image is a panorama of 360 degrees, whose last column is followed by its first: `Cylindrical` or
+        `Equirectangular`, with a focal length of the width by 2 pi. Tables of it have no seam."""
+    @property
     def camera_from_vehicle(self) -> NDArray[np.float64]:
         """(4, 4) float64, `p_cam = R p_veh + t`, as given."""
     @property
@@ -2415,10 +2420,18 @@ class Lut:
     threads at once.
     """
 
-    def __new__(cls, camera: Camera, grid: BevGrid, *, ground: float | Plane | HeightMap = 0.0) -> Lut:
+    def __new__(
+        cls,
+        camera: Camera,
+        grid: BevGrid,
+        *,
+        ground: float | Plane | HeightMap = 0.0,
+        border_mode: _BorderMode = "constant",
+    ) -> Lut:
         """The table of a camera and a grid.
 
-        Cells behind the camera or outside its image are invalid; nothing wraps. On a `HeightMap` so are cells where the
+        Cells behind the camera or outside its image are invalid; nothing wraps, but for a panorama of 360 degrees
+        (`Cylindrical` or `Equirectangular`), whose last column is followed by its first. On a `HeightMap` so are cells where the
         road is not known, and those that a crest hides. Of a road that passes through the camera, which sees it edge-on, all
         are.
 
@@ -2427,6 +2440,10 @@ class Lut:
             grid: the grid on the road.
             ground: the road in the vehicle frame: its height in metres (not 0 in every dataset), a `Plane` or a
                 `HeightMap`.
+            border_mode: what cells take whose road point is outside the image: "constant" is the warp's border value;
+                "replicate" (aaa|abcd|ddd), "reflect" (cba|abcd|dcb), "reflect_101" (dcb|abcd|cba) and "wrap"
+                (bcd|abcd|abc) go on with the image's own pixels. Such cells are not valid in any mode, and those behind
+                the camera or outside its lens's domain have no pixel in any.
 
         Raises:
             ArgumentError, ArgumentTypeError: an argument is of another kind, or `ground` is not finite.
@@ -2437,17 +2454,29 @@ class Lut:
         """
     @classmethod
     def from_maps(
-        cls, map_x: NDArray[np.floating[Any]], map_y: NDArray[np.floating[Any]], *, source_size: Sequence[int]
+        cls,
+        map_x: NDArray[np.floating[Any]] | NDArray[np.int16],
+        map_y: NDArray[np.floating[Any]] | NDArray[np.uint16] | None,
+        *,
+        source_size: Sequence[int],
+        border_mode: _BorderMode = "constant",
+        source_wraps: bool = False,
     ) -> Lut:
         """A table from maps as `cv2.remap` takes them: cell (i, j) samples (map_x[i, j], map_y[i, j]).
 
         Args:
-            map_x: (rows, columns) float32 or float64, source columns in pixels; NaN and infinity are no image.
-            map_y: the same for source rows.
+            map_x: (rows, columns) float32 or float64, source columns in pixels; NaN and infinity are no image. Or (rows,
+                columns, 2) int16, whole columns and rows: the first that `cv2.convertMaps` gives for CV_16SC2.
+            map_y: the same for source rows. Or (rows, columns) uint16 beside int16 pairs: the second that `cv2.convertMaps`
+                gives, in 32nds of a pixel; None for whole pixels.
             source_size: (width, height) of the images that it is for.
+            border_mode: what lies beyond the image, as for `Lut`; NaN and infinity give the border value in every mode.
+            source_wraps: whether the image's last column is followed by its first, as in a panorama of 360 degrees: what
+                lies between the two is inside the image, and columns beyond either side are those of the other.
 
         Raises:
             LutError, DtypeError: shapes or dtypes are wrong or differ.
+            ArgumentError, ArgumentTypeError: another argument is wrong.
         """
     @classmethod
     def from_homography(
@@ -2457,6 +2486,7 @@ class Lut:
         size: Sequence[int] | None = None,
         source_size: Sequence[int],
         grid: BevGrid | None = None,
+        border_mode: _BorderMode = "constant",
     ) -> Lut:
         """A table from a homography, of pixels or of metres.
 
@@ -2468,6 +2498,7 @@ class Lut:
             size: (width, height) of the output.
             source_size: (width, height) of the images that it is for.
             grid: the cells of a bird's-eye view, instead of `size`.
+            border_mode: what lies beyond the image, as for `Lut`.
 
         Raises:
             LutError: M is singular or not finite.
@@ -2475,7 +2506,7 @@ class Lut:
                 or goes the other way: the middle of the picture's last row would see no ground.
         """
     @staticmethod
-    def between(source: Camera, target: Camera) -> Lut:
+    def between(source: Camera, target: Camera, *, border_mode: _BorderMode = "constant") -> Lut:
         """A table from the pictures of a camera to those that another takes from the same place.
 
         Each pixel of the target looks along a ray, and samples the source where that ray is seen: undistorted, rectified,
@@ -2485,6 +2516,7 @@ class Lut:
         Args:
             source: whose pictures are warped.
             target: whose pictures are made, such as `source.undistorted()`.
+            border_mode: what lies beyond the source's picture, as for `Lut`.
 
         Raises:
             ArgumentError: the cameras stand at different places.
@@ -2515,7 +2547,8 @@ class Lut:
         self,
         image: NDArray[Any] | _DLPack | memoryview,
         *,
-        interpolation: Literal["bilinear", "nearest", "area", "mode"] = "bilinear",
+        interpolation: Literal["nearest", "bilinear", "cubic", "lanczos4", "area", "mode"] = "bilinear",
+        border_mode: _BorderMode | Literal["transparent"] | None = None,
         border_value: float | Sequence[float] = 0,
         out: _Out | None = None,
         threads: int | None = None,
@@ -2526,16 +2559,21 @@ class Lut:
         Args:
             image: (H, W) or (H, W, C) of the table's source size, or what `layout` says, with any stride between rows,
                 planes and images; read without a copy. A NumPy array, or what shares its memory as one: a CPU tensor
-                (DLPack, `__array__`), a memoryview. "bilinear" and "area" take uint8, int8, uint16, int16,
+                (DLPack, `__array__`), a memoryview. "bilinear", "cubic", "lanczos4" and "area" take uint8, int8, uint16, int16,
                 float16, float32 and float64, "nearest" any bool, integer or float dtype of 1, 2, 4 or 8 bytes, "mode"
                 the same without floats. The result has the image's dtype.
             interpolation: "bilinear" blends the four pixels around the coordinate. "nearest" copies one (halves to
-                even), so label images keep their ids. "area" is the mean of all that the cell covers of the image, so
+                even), so label images keep their ids. "cubic" (4 x 4 pixels, a = -0.75) and "lanczos4" (8 x 8) are OpenCV's:
+                sharper where a picture is magnified, in views of about its own scale; on a road, whose cells are larger than
+                pixels, they alias as bilinear does, and more. "area" is the mean of all that the cell covers of the image, so
                 that nothing flickers or makes patterns of its own where a cell is larger than a pixel; where it is not,
                 it is bilinear. "mode" is the id that most of what the cell covers has, the smallest of equally frequent
                 ones, for label images of up to 256 ids. Both leave out what lies outside the image.
+            border_mode: "transparent": cells that are not in `mask` keep what `out` holds, which must be given. None is
+                what the table was built for, and no other can be had of it: a table holds where its cells sample.
             border_value: what cells without an image get: a number that the dtype can hold, or one for each channel.
-                Less than one pixel outside the image, bilinear and area blend with it.
+                Less than one pixel outside the image, bilinear and area blend with it; cubic and lanczos4 wherever they reach
+                beyond it.
             out: where to write, of the image's dtype and the result's shape, not overlapping the image; an array or a
                 tensor.
             threads: at most how many threads, the caller's among them; None is `get_num_threads()`. The result does not
@@ -2606,6 +2644,12 @@ class Lut:
         """The road that its camera looks at, as `ground=` takes it: a height in metres where it is level. None where there
         is no camera."""
     @property
+    def border_mode(self) -> str:
+        """What its cells take that are outside the image: "constant" is the warp's border value."""
+    @property
+    def source_wraps(self) -> bool:
+        """Whether the source's last column is followed by its first, as in a panorama of 360 degrees."""
+    @property
     def nbytes(self) -> int:
         """Bytes that the table holds, at most 12 a cell, and what warps have added to them.
 
@@ -2645,7 +2689,8 @@ class Lut:
 
         Returns:
             (map_x, map_y), each (rows, columns) float32: source pixels of valid cells and of those less than one pixel
-            outside the image. `cv2.remap(image, *lut.maps(outside=-9))` gives `lut.warp(image)` to one grey level.
+            outside the image. `cv2.remap(image, *lut.maps(outside=-9))` gives `lut.warp(image)` to one grey level. Of a
+            table with another `border_mode` than "constant", cells outside the image have the place where it has the same.
 
         Raises:
             ArgumentTypeError: no number.
@@ -2945,11 +2990,11 @@ def rasterize_polygons(
 
 def remap(
     image: NDArray[Any],
-    map_x: NDArray[np.floating[Any]],
-    map_y: NDArray[np.floating[Any]],
+    map_x: NDArray[np.floating[Any]] | NDArray[np.int16],
+    map_y: NDArray[np.floating[Any]] | NDArray[np.uint16] | None,
     *,
-    interpolation: Literal["bilinear", "nearest"] = "bilinear",
-    border_mode: Literal["constant", "replicate", "reflect_101"] = "constant",
+    interpolation: Literal["nearest", "bilinear", "cubic", "lanczos4"] = "bilinear",
+    border_mode: _BorderMode | Literal["transparent"] = "constant",
     border_value: float | Sequence[float] = 0,
     out: NDArray[Any] | None = None,
     threads: int | None = None,
@@ -2962,11 +3007,13 @@ def remap(
     Args:
         image: (H, W) or (H, W, C), as `Lut.warp` takes it.
         map_x: (rows, columns) float32 or float64, source columns in pixels. NaN and infinity give the border value in
-            every mode.
-        map_y: the same for source rows.
-        interpolation: "bilinear" or "nearest".
-        border_mode: what lies beyond the image: "constant" (the border value), "replicate" (aaa|abcd|ddd) or
-            "reflect_101" (dcb|abcd|cba).
+            every mode. Or int16 pairs, as `Lut.from_maps` takes them.
+        map_y: the same for source rows, or uint16 beside int16 pairs.
+        interpolation: "nearest", "bilinear", "cubic" (4 x 4 pixels, a = -0.75) or "lanczos4" (8 x 8), as OpenCV defines them; the
+            last two overshoot beside edges, and integers are rounded to nearest, halves up, and clipped to their range.
+        border_mode: what lies beyond the image: "constant" (the border value), "replicate" (aaa|abcd|ddd), "reflect"
+            (cba|abcd|dcb), "reflect_101" (dcb|abcd|cba), "wrap" (bcd|abcd|abc), or "transparent": cells that sample
+            outside the rectangle of pixel centres keep what `out` holds, which must be given.
         border_value: for "constant": a number, or one for each channel.
         out: where to write, of the image's dtype and the result's shape.
         threads: at most how many threads; the result does not depend on it.
@@ -2984,9 +3031,9 @@ def warp_perspective(
     M: ArrayLike,
     dsize: Sequence[int],
     *,
-    interpolation: Literal["bilinear", "nearest"] = "bilinear",
+    interpolation: Literal["nearest", "bilinear", "cubic", "lanczos4"] = "bilinear",
     inverse_map: bool = False,
-    border_mode: Literal["constant", "replicate", "reflect_101"] = "constant",
+    border_mode: _BorderMode | Literal["transparent"] = "constant",
     border_value: float | Sequence[float] = 0,
     out: NDArray[Any] | None = None,
     threads: int | None = None,
@@ -3000,9 +3047,9 @@ def warp_perspective(
         M: (3, 3), from source pixel to output pixel (from output to source with `inverse_map`). Points behind a camera
             are not culled, because a homography's sign is arbitrary: `Lut(camera, grid)` does that.
         dsize: (width, height) of the output.
-        interpolation: "bilinear" or "nearest".
+        interpolation: as in `remap`.
         inverse_map: M maps output to source, `cv2.WARP_INVERSE_MAP`.
-        border_mode: "constant", "replicate" or "reflect_101", as in `remap`.
+        border_mode: what lies beyond the image, as in `remap`.
         border_value: for "constant": a number, or one for each channel.
         out: where to write, of the image's dtype and the result's shape.
         threads: at most how many threads; the result does not depend on it.

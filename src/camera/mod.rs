@@ -103,6 +103,16 @@ impl Camera {
         self.lens.as_ref()
     }
 
+    /// Whether its image is a panorama of 360 degrees, whose first column of pixels follows the last: the angle between
+    /// columns is a whole turn by the number of columns, to a millionth of a turn.
+    pub fn is_panorama(&self) -> bool {
+        let k = self.intrinsics();
+        let turn = std::f64::consts::TAU * k[(0, 0)] / f64::from(self.image_size.0);
+        matches!(self.lens, Some(Lens::Cylindrical(_) | Lens::Equirectangular(_)))
+            && k[(0, 1)] == 0.0
+            && (turn - 1.0).abs() < 1e-6
+    }
+
     /// (width, height) of the image in pixels.
     pub fn image_size(&self) -> (u32, u32) {
         self.image_size

@@ -11,7 +11,7 @@ use crate::geometry::homography_from_points;
 use crate::grid::BevGrid;
 use crate::ground::Ground;
 use crate::kernels::Row;
-use crate::table::Table;
+use crate::table::{BorderMode, Edges, Table};
 use crate::view::check_image_size;
 
 impl Camera {
@@ -53,16 +53,22 @@ impl Lut {
                 got: "its mirror image; change the sign of y, or the order of the points".to_owned(),
             }));
         }
-        Self::from_image_from_ground(&found, grid, source)
+        Self::from_image_from_ground(&found, grid, source, BorderMode::Constant)
     }
 
     /// The table of a bird's-eye view by a homography from (x, y, 1) in metres, x ahead and y to the left, to source pixels.
-    /// What lies beyond its horizon is invalid: of the two sides the one seen by a camera above the ground.
+    /// What lies beyond its horizon is invalid: of the two sides the one seen by a camera above the ground. `mode` as
+    /// [`Lut::from_homography_with`] takes it.
     ///
     /// # Errors
-    /// Those of [`Lut::from_homography`], and [`PointsError::Unfit`] where the middle of the picture's last row would be
+    /// Those of [`Lut::from_homography_with`], and [`PointsError::Unfit`] where the middle of the picture's last row would be
     /// beyond the horizon, as it is where the matrix has y to the right, or the picture is upside down.
-    pub fn from_ground_homography(m: &Matrix3<f64>, grid: &BevGrid, source_size: (u32, u32)) -> Result<Self> {
+    pub fn from_ground_homography(
+        m: &Matrix3<f64>,
+        grid: &BevGrid,
+        source_size: (u32, u32),
+        mode: BorderMode,
+    ) -> Result<Self> {
         check_homography(m)?;
         let source = check_image_size("source_size", source_size.0.into(), source_size.1.into())?;
         // of a camera above the road, K [r1 r2 t], the determinant is the focal lengths times the height below it
@@ -78,15 +84,16 @@ impl Lut {
                     .to_owned(),
             }));
         }
-        Self::from_image_from_ground(&m, grid, source)
+        Self::from_image_from_ground(&m, grid, source, mode)
     }
 
     /// The table of a homography from (x, y, 1) on the road to the image; what has a third component of 0 or less lies
     /// behind the camera.
-    fn from_image_from_ground(h: &Matrix3<f64>, grid: &BevGrid, source: (u32, u32)) -> Result<Self> {
+    fn from_image_from_ground(h: &Matrix3<f64>, grid: &BevGrid, source: (u32, u32), mode: BorderMode) -> Result<Self> {
+        let edges = Edges::new(mode, false)?;
         let isa = Isa::active()?;
         let ys = Row::collected((0..grid.columns()).map(|column| grid.y_of_column(column as f64)))?;
-        let table = Table::build((grid.rows(), grid.columns()), source, isa, |row, us, vs| {
+        let table = Table::build((grid.rows(), grid.columns()), source, edges, isa, |row, us, vs| {
             let origin = h.column(0) * grid.x_of_row(row as f64) + h.column(2);
             ProjectiveRow { origin, step: h.column(1).into(), culled: true }.fill(isa, &ys, us, vs);
             Ok(0..ys.len())
@@ -135,7 +142,7 @@ mod tests {
         let m = camera.intrinsics() * Matrix3::from_columns(&columns);
         let expected = Lut::new(&camera, &grid(), &Ground::default()).unwrap();
         for scale in [1.0, -3.0, 1e-3] {
-            let lut = Lut::from_ground_homography(&(m * scale), &grid(), (1280, 720)).unwrap();
+            let lut = Lut::from_ground_homography(&(m * scale), &grid(), (1280, 720), BorderMode::Constant).unwrap();
             assert_eq!(lut.mask().unwrap(), expected.mask().unwrap());
             let (got, expected) = (lut.maps(-9.0).unwrap(), expected.maps(-9.0).unwrap());
             let pairs = got.0.iter().zip(&expected.0).chain(got.1.iter().zip(&expected.1));
@@ -143,7 +150,7 @@ mod tests {
             assert_eq!(lut.grid(), Some(&grid()));
         }
         let mirrored = m * Matrix3::from_diagonal(&Vector3::new(1.0, -1.0, 1.0));
-        let error = Lut::from_ground_homography(&mirrored, &grid(), (1280, 720)).unwrap_err();
+        let error = Lut::from_ground_homography(&mirrored, &grid(), (1280, 720), BorderMode::Constant).unwrap_err();
         assert!(error.to_string().contains("mirror image"), "{error}");
     }
 

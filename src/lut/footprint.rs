@@ -8,7 +8,7 @@ use crate::error::{Error, LutError, Result};
 use crate::kernels::FRACTION_BITS;
 use crate::kernels::{Row, unpack};
 use crate::table::block::LANES;
-use crate::table::{Span, SpanKind, Table, unframed};
+use crate::table::{Edges, Span, SpanKind, Table, unframed};
 use crate::view::buffer;
 
 /// Sources may not be longer or higher: coordinates in 1/1024 pixel fit 31 bits.
@@ -32,7 +32,8 @@ pub(crate) struct Coordinates {
     /// many entries more that vectors of cells may begin at any cell.
     xs: Row<i32>,
     ys: Row<i32>,
-    /// 1 for cells of the mask; those of the halo have coordinates too. It goes on as the others do.
+    /// 1 for cells of the mask that have a footprint, which are all but those beside the seam of a panorama; those of the halo
+    /// have coordinates too. It goes on as the others do.
     valid: Vec<u8>,
     /// From the first cell of the mask to behind the last one.
     seen: Range<usize>,
@@ -94,13 +95,13 @@ impl Coordinates {
             self.ys.fill(OUTSIDE);
             return;
         };
-        let (width, _) = table.source();
+        let (width, edges) = (table.source().0, table.edges());
         for span in table.row(row) {
-            if span.kind.is_valid() {
+            if edges.has_footprint(span.kind) {
                 let start = if self.seen.is_empty() { span.first } else { self.seen.start };
                 self.seen = start..span.first + span.cells;
             }
-            self.read_cells(isa, span, width);
+            self.read_cells(isa, span, width, edges);
         }
     }
 
@@ -114,27 +115,32 @@ impl Coordinates {
             self.ys[own].fill(OUTSIDE);
             return;
         };
-        let (width, _) = table.source();
+        let (width, edges) = (table.source().0, table.edges());
         for span in table.row(row).skip_while(|span| span.first + span.cells <= columns.start) {
             if span.first >= columns.end {
                 break;
             }
-            self.read_coordinates(isa, &span.part(&columns), width);
+            self.read_coordinates(isa, &span.part(&columns), width, edges);
         }
     }
 
     /// Reads some cells of a row, of a source of this width.
-    pub(crate) fn read_cells(&mut self, isa: Isa, span: Span<'_>, width: u32) {
-        self.read_coordinates(isa, &span, width);
-        if span.kind.is_valid() {
+    pub(crate) fn read_cells(&mut self, isa: Isa, span: Span<'_>, width: u32, edges: Edges) {
+        self.read_coordinates(isa, &span, width, edges);
+        if edges.has_footprint(span.kind) {
             self.valid[span.first..span.first + span.cells].fill(1);
         }
     }
 
-    fn read_coordinates(&mut self, isa: Isa, span: &Span<'_>, width: u32) {
+    fn read_coordinates(&mut self, isa: Isa, span: &Span<'_>, width: u32, edges: Edges) {
         let own = LEAD + span.first..LEAD + span.first + span.cells;
         let (xs, ys) = (&mut self.xs[own.clone()], &mut self.ys[own]);
         match span.kind {
+            // what samples elsewhere says nothing of how far the footprint of the cell beside it reaches
+            kind if !edges.is_in_place(kind) => {
+                xs.fill(OUTSIDE);
+                ys.fill(OUTSIDE);
+            }
             SpanKind::Outside => {
                 xs.fill(OUTSIDE);
                 ys.fill(OUTSIDE);

@@ -14,7 +14,7 @@ use crate::camera::Camera;
 use crate::error::{Error, Result, TableError};
 use crate::grid::BevGrid;
 use crate::ground::Ground;
-use crate::table::Table;
+use crate::table::{BorderMode, Table};
 pub(crate) use build::{check_homography, homography_row};
 pub(crate) use density::Resolution;
 pub(crate) use derived::Derivative;
@@ -69,6 +69,16 @@ impl Lut {
     /// (width, height) of the images it is for.
     pub fn source_size(&self) -> (u32, u32) {
         self.table.source()
+    }
+
+    /// What cells take whose place is outside the image. None of these is valid.
+    pub fn border_mode(&self) -> BorderMode {
+        self.table.edges().mode
+    }
+
+    /// Whether the source's last column is followed by its first, as in a panorama of 360 degrees.
+    pub fn source_wraps(&self) -> bool {
+        self.table.edges().wraps
     }
 
     /// Bytes that the table holds, and those of what interpolations need beyond, from their first use on:

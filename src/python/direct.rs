@@ -7,7 +7,7 @@ use super::detached;
 use super::dtype::{Samples, Taken, for_blended, for_moved};
 use super::image::{ImageArray, Output};
 use super::layout::Layout;
-use super::maps::{MapPair, map_array};
+use super::maps::{MapPair, map_arrays};
 use super::options::{self, BorderValue};
 use super::shared;
 use crate::error::WarpError;
@@ -35,10 +35,11 @@ pub(super) fn remap<'py>(
     out: Option<&Bound<'py, PyAny>>,
     threads: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<Bound<'py, PyAny>> {
-    let (map_x, map_y) = (map_array("map_x", map_x)?, map_array("map_y", map_y)?);
+    let arrays = map_arrays(map_x, map_y)?;
     let call = Call::new(image, interpolation, border_mode, border_value, out, threads)?;
-    let maps = MapPair::new(&map_x, &map_y)?;
+    let maps = MapPair::new(&arrays)?;
     match &maps {
+        MapPair::Fixed { maps: [xs, ys], shape } => call.run(&Mapping::MapsF32(xs, ys), *shape),
         MapPair::F32(xs, ys) => call.run(&Mapping::MapsF32(xs.as_slice()?, ys.as_slice()?), maps.shape()),
         MapPair::F64(xs, ys) => call.run(&Mapping::MapsF64(xs.as_slice()?, ys.as_slice()?), maps.shape()),
     }
@@ -76,15 +77,14 @@ pub(super) fn warp_perspective<'py>(
 struct Call<'py> {
     image: ImageArray<'py>,
     interpolation: Interpolation,
-    border_mode: BorderMode,
+    border_mode: Option<BorderMode>,
     border_value: BorderValue<'py>,
     out: Output<'py>,
     threads: Option<usize>,
 }
 
 /// [`warp_direct_into`] or [`warp_direct_nearest_into`].
-type DirectFn<T> =
-    fn(&ImageView<'_, T>, &Mapping<'_>, &mut ImageViewMut<'_, T>, BorderMode, &WarpOptions<T>) -> crate::Result<()>;
+type DirectFn<T> = fn(&ImageView<'_, T>, &Mapping<'_>, &mut ImageViewMut<'_, T>, &WarpOptions<T>) -> crate::Result<()>;
 
 impl<'py> Call<'py> {
     /// Runs the Python code of all of them, and checks the image after it.
@@ -101,7 +101,7 @@ impl<'py> Call<'py> {
                 Taken::By(interpolation) => interpolation.without_table()?,
                 Taken::Mode => return Err(WarpError::NeedsTable { got: "mode" }.into()),
             },
-            border_mode: border_mode.map_or(Ok(BorderMode::Constant), options::border_mode)?,
+            border_mode: border_mode.map(options::border_mode).transpose()?,
             threads: threads.map(|threads| options::thread_count("threads", threads)).transpose()?,
             border_value: BorderValue::new(border_value)?,
             out: Output::new(out)?,
@@ -133,8 +133,10 @@ impl<'py> Call<'py> {
     ) -> PyResult<Bound<'py, PyAny>> {
         let py = self.image.dtype().py();
         check_cells(rows, columns)?; // before it is allocated
+        options::check_kept(self.border_mode, &self.out)?;
         let border_value = self.border_value.samples::<T>(self.image.dtype())?;
-        let options = WarpOptions { border_value, threads: self.threads, ..WarpOptions::default() };
+        let Self { interpolation, border_mode, threads, .. } = self;
+        let options = WarpOptions { interpolation, border_value, border_mode, threads, isa: None };
         let read = self.image.read()?;
         let views = read.views::<T>()?;
         let out = match self.out.array() {
@@ -143,7 +145,7 @@ impl<'py> Call<'py> {
         };
         let mut write = out.write()?;
         let mut outs = write.views::<T>()?;
-        detached::run(py, || warp(&views[0], mapping, &mut outs[0], self.border_mode, &options))?;
+        detached::run(py, || warp(&views[0], mapping, &mut outs[0], &options))?;
         drop(outs);
         drop(write);
         Ok(self.out.given_or(out))

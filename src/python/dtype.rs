@@ -28,12 +28,26 @@ pub(super) enum Blended {
 /// Samples as a warp takes them.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Samples {
-    /// Bilinear and area.
+    /// All that sum pixels.
     Blended(Blended),
     /// Nearest moves bytes, so many to a sample.
     Moved(usize),
     /// Ids of so many bytes, with a sign or without.
     Ids { bytes: usize, signed: bool },
+}
+
+impl Taken {
+    pub(super) const ALL: [Self; 6] = {
+        let [nearest, bilinear, cubic, lanczos4, area] = Interpolation::ALL;
+        [Self::By(nearest), Self::By(bilinear), Self::By(cubic), Self::By(lanczos4), Self::By(area), Self::Mode]
+    };
+
+    pub(super) fn name(self) -> &'static str {
+        match self {
+            Self::By(interpolation) => interpolation.name(),
+            Self::Mode => "mode",
+        }
+    }
 }
 
 impl Samples {
@@ -44,15 +58,15 @@ impl Samples {
     pub(super) fn of(dtype: &Bound<'_, PyArrayDescr>, taken: Taken) -> PyResult<Self> {
         let (kind, bytes) = (dtype.kind(), dtype.itemsize());
         match taken {
-            Taken::By(interpolation @ (Interpolation::Bilinear | Interpolation::Area)) => {
-                blended(kind, bytes).map(Self::Blended).ok_or_else(|| not_blended(dtype, interpolation))
-            }
             Taken::By(Interpolation::Nearest) => match (kind, bytes) {
                 (b'b' | b'i' | b'u' | b'f', 1 | 2 | 4 | 8) => Ok(Self::Moved(bytes)),
                 _ => Err(DtypeError::new_err(format!(
                     "image: expected a bool, integer or float dtype of 1, 2, 4 or 8 bytes, got {dtype}"
                 ))),
             },
+            Taken::By(interpolation) => {
+                blended(kind, bytes).map(Self::Blended).ok_or_else(|| not_blended(dtype, interpolation))
+            }
             Taken::Mode => match (kind, bytes) {
                 (b'b' | b'i' | b'u', 1 | 2 | 4 | 8) => Ok(Self::Ids { bytes, signed: kind == b'i' }),
                 _ => Err(DtypeError::new_err(format!(
@@ -76,7 +90,7 @@ fn blended(kind: u8, bytes: usize) -> Option<Blended> {
     })
 }
 
-/// Why bilinear and area do not take a dtype, and what does.
+/// Why what sums pixels does not take a dtype, and what does.
 fn not_blended(dtype: &Bound<'_, PyArrayDescr>, interpolation: Interpolation) -> PyErr {
     let for_ids = if interpolation == Interpolation::Area { "mode" } else { "nearest" };
     let mend = match dtype.kind() {

@@ -10,7 +10,7 @@ use pyo3::types::{PyBytes, PyTuple, PyType};
 
 use super::adjoint::{Adjoint, Transpose};
 use super::camera::PyCamera;
-use super::convert::{Call, float, matrix3, size, tuple_text, type_name};
+use super::convert::{Call, flag, float, matrix3, size, tuple_text, type_name};
 use super::detached;
 use super::dtype::{Samples, Taken, for_blended, for_moved};
 use super::error::classes::{ArgumentError, ArgumentTypeError, ImageError};
@@ -18,7 +18,7 @@ use super::grid::{PyBevGrid, bev_grid};
 use super::ground::{road, road_object};
 use super::image::{ImageArray, Output};
 use super::layout::Layout;
-use super::maps::{MapPair, map_array};
+use super::maps::{MapPair, map_arrays};
 use super::mend::message;
 use super::options::{self, BorderValue};
 use super::shared;
@@ -26,7 +26,7 @@ use super::warnings::warn;
 use crate::error::ViewError;
 use crate::lut::Scene;
 use crate::view::PointSample;
-use crate::{Bilinear, Error, ImageMask, ImageView, ImageViewMut, Interpolation, Lut, Sample, WarpOptions};
+use crate::{Bilinear, BorderMode, Error, ImageMask, ImageView, ImageViewMut, Interpolation, Lut, Sample, WarpOptions};
 
 #[doc = help!("Lut")]
 #[pyclass(frozen, eq, module = "ipm_rs", name = "Lut")]
@@ -52,12 +52,16 @@ impl From<Lut> for PyLut {
 #[pymethods]
 impl PyLut {
     #[new]
-    #[pyo3(signature = (camera, grid, *positional, ground = None), text_signature = "(camera, grid, *, ground=0.0)")]
+    #[pyo3(
+        signature = (camera, grid, *positional, ground = None, border_mode = None),
+        text_signature = "(camera, grid, *, ground=0.0, border_mode='constant')"
+    )]
     fn new(
         camera: &Bound<'_, PyAny>,
         grid: &Bound<'_, PyAny>,
         positional: &Bound<'_, PyTuple>,
         ground: Option<&Bound<'_, PyAny>>,
+        border_mode: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
         Call::new("Lut", "Lut(camera, grid, ground=-0.3)", positional)?;
         let wrong = |name: &str, expected: &str, got: &Bound<'_, PyAny>| {
@@ -65,9 +69,9 @@ impl PyLut {
         };
         let camera_ref = camera.cast::<PyCamera>().map_err(|_| wrong("camera", "Camera", camera))?.get();
         let grid_ref = grid.cast::<PyBevGrid>().map_err(|_| wrong("grid", "BevGrid", grid))?.get();
-        let ground = road(ground)?;
+        let (ground, mode) = (road(ground)?, options::border_of_table(border_mode)?);
         let (lut, findings) = detached::run(camera.py(), || {
-            let mut lut = Lut::new(&camera_ref.camera, &grid_ref.grid, &ground)?;
+            let mut lut = Lut::new_with(&camera_ref.camera, &grid_ref.grid, &ground, mode)?;
             if let Some(mask) = &camera_ref.mask {
                 lut = lut.masked(mask)?;
             }
@@ -81,8 +85,8 @@ impl PyLut {
     #[doc = help!("Lut.from_maps")]
     #[classmethod]
     #[pyo3(
-        signature = (map_x, map_y, *positional, source_size = None),
-        text_signature = "(map_x, map_y, *, source_size)"
+        signature = (map_x, map_y, *positional, source_size = None, border_mode = None, source_wraps = None),
+        text_signature = "(map_x, map_y, *, source_size, border_mode='constant', source_wraps=False)"
     )]
     fn from_maps(
         _cls: &Bound<'_, PyType>,
@@ -90,21 +94,27 @@ impl PyLut {
         map_y: &Bound<'_, PyAny>,
         positional: &Bound<'_, PyTuple>,
         source_size: Option<&Bound<'_, PyAny>>,
+        border_mode: Option<&Bound<'_, PyAny>>,
+        source_wraps: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
         let call = Call::new("Lut.from_maps", "Lut.from_maps(map_x, map_y, source_size=(1920, 1080))", positional)?;
         let source_size = size("source_size", call.needs("source_size", source_size)?)?;
-        let (map_x, map_y) = (map_array("map_x", map_x)?, map_array("map_y", map_y)?);
+        let mode = options::border_of_table(border_mode)?;
+        let wraps = source_wraps.map_or(Ok(false), |object| flag("source_wraps", object))?;
         let py = map_x.py();
-        let maps = MapPair::new(&map_x, &map_y)?;
+        let maps = MapPair::new(&map_arrays(map_x, map_y)?)?;
         let (_, columns) = maps.shape();
         let lut = match &maps {
+            MapPair::Fixed { maps: [xs, ys], .. } => {
+                detached::run(py, || Lut::from_maps_with(xs, ys, columns, source_size, mode, wraps))?
+            }
             MapPair::F32(xs, ys) => {
                 let (xs, ys) = (xs.as_slice()?, ys.as_slice()?);
-                detached::run(py, || Lut::from_maps(xs, ys, columns, source_size))?
+                detached::run(py, || Lut::from_maps_with(xs, ys, columns, source_size, mode, wraps))?
             }
             MapPair::F64(xs, ys) => {
                 let (xs, ys) = (xs.as_slice()?, ys.as_slice()?);
-                detached::run(py, || Lut::from_maps(xs, ys, columns, source_size))?
+                detached::run(py, || Lut::from_maps_with(xs, ys, columns, source_size, mode, wraps))?
             }
         };
         Ok(lut.into())
@@ -113,8 +123,8 @@ impl PyLut {
     #[doc = help!("Lut.from_homography")]
     #[classmethod]
     #[pyo3(
-        signature = (M, *positional, size = None, source_size = None, grid = None),
-        text_signature = "(M, *, size=None, source_size, grid=None)"
+        signature = (M, *positional, size = None, source_size = None, grid = None, border_mode = None),
+        text_signature = "(M, *, size=None, source_size, grid=None, border_mode='constant')"
     )]
     #[expect(non_snake_case, reason = "the field's name for a homography")]
     fn from_homography(
@@ -124,11 +134,13 @@ impl PyLut {
         size: Option<&Bound<'_, PyAny>>,
         source_size: Option<&Bound<'_, PyAny>>,
         grid: Option<&Bound<'_, PyAny>>,
+        border_mode: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
         const EXAMPLE: &str = "Lut.from_homography(M, size=(800, 600), source_size=(1920, 1080))";
         let call = Call::new("Lut.from_homography", EXAMPLE, positional)?;
         let py = M.py();
         let matrix: Matrix3<f64> = matrix3("M", M)?;
+        let mode = options::border_of_table(border_mode)?;
         if let Some(grid) = grid {
             let grid = bev_grid(grid)?.grid;
             if size.is_some() {
@@ -137,22 +149,24 @@ impl PyLut {
                 ));
             }
             let source_size = super::convert::size("source_size", call.needs("source_size", source_size)?)?;
-            return Ok(detached::run(py, || Lut::from_ground_homography(&matrix, &grid, source_size))?.into());
+            return Ok(detached::run(py, || Lut::from_ground_homography(&matrix, &grid, source_size, mode))?.into());
         }
         let size = super::convert::size("size", call.needs("size", size)?)?;
         let source_size = super::convert::size("source_size", call.needs("source_size", source_size)?)?;
-        Ok(detached::run(py, || Lut::from_homography(&matrix, size, source_size))?.into())
+        Ok(detached::run(py, || Lut::from_homography_with(&matrix, size, source_size, mode))?.into())
     }
 
     #[doc = help!("Lut.warp")]
     #[pyo3(
-        signature = (image, *, interpolation = None, border_value = None, out = None, threads = None, layout = None),
-        text_signature = "(self, image, *, interpolation='bilinear', border_value=0, out=None, threads=None, layout='HWC')"
+        signature = (image, *, interpolation = None, border_mode = None, border_value = None, out = None, threads = None, layout = None),
+        text_signature = "(self, image, *, interpolation='bilinear', border_mode=None, border_value=0, out=None, threads=None, layout='HWC')"
     )]
+    #[expect(clippy::too_many_arguments, reason = "keyword-only, each with one meaning")]
     fn warp<'py>(
         &self,
         image: &Bound<'py, PyAny>,
         interpolation: Option<&Bound<'py, PyAny>>,
+        border_mode: Option<&Bound<'py, PyAny>>,
         border_value: Option<&Bound<'py, PyAny>>,
         out: Option<&Bound<'py, PyAny>>,
         threads: Option<&Bound<'py, PyAny>>,
@@ -161,6 +175,7 @@ impl PyLut {
         let taken = interpolation.map_or(Ok(Taken::By(Interpolation::Bilinear)), options::interpolation)?;
         let threads = threads.map(|threads| options::thread_count("threads", threads)).transpose()?;
         let layout = layout.map_or(Ok(Layout::Hwc), options::layout)?;
+        let border_mode = border_mode.filter(|mode| !mode.is_none()).map(options::border_mode).transpose()?;
         let border_value = BorderValue::new(border_value)?;
         let out = Output::new(out)?;
         let image = ImageArray::new("image", shared::array("image", image, false)?, layout)?;
@@ -169,7 +184,7 @@ impl PyLut {
             Taken::By(interpolation) => interpolation,
             Taken::Mode => Interpolation::default(), // not looked at
         };
-        let job = Job { lut: &self.lut, image: &image, interpolation, border_value, out, threads };
+        let job = Job { lut: &self.lut, image: &image, interpolation, border_mode, border_value, out, threads };
         match Samples::of(image.dtype(), taken)? {
             Samples::Blended(kind) => for_blended!(kind, job.blended()),
             Samples::Moved(bytes) => for_moved!(bytes, job.nearest()),
@@ -227,6 +242,18 @@ impl PyLut {
     #[getter]
     fn ground<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
         self.lut.ground().map(|ground| road_object(py, ground)).transpose()
+    }
+
+    #[doc = help!("Lut.border_mode")]
+    #[getter]
+    fn border_mode(&self) -> &'static str {
+        self.lut.border_mode().name()
+    }
+
+    #[doc = help!("Lut.source_wraps")]
+    #[getter]
+    fn source_wraps(&self) -> bool {
+        self.lut.source_wraps()
     }
 
     #[doc = help!("Lut.nbytes")]
@@ -358,6 +385,7 @@ struct Job<'a, 'py> {
     lut: &'a Lut,
     image: &'a ImageArray<'py>,
     interpolation: Interpolation,
+    border_mode: Option<BorderMode>,
     border_value: BorderValue<'py>,
     out: Output<'py>,
     threads: Option<usize>,
@@ -383,8 +411,9 @@ impl<'py> Job<'_, 'py> {
         if values != 1 && values != channels {
             return Err(ViewError::BorderChannels { expected: channels, got: values }.into());
         }
-        let Self { interpolation, threads, .. } = self;
-        let options = WarpOptions { interpolation, border_value, threads, isa: None };
+        options::check_kept(self.border_mode, &self.out)?;
+        let Self { interpolation, border_mode, threads, .. } = self;
+        let options = WarpOptions { interpolation, border_value, border_mode, threads, isa: None };
         let read = self.image.read()?;
         let views = read.views::<T>()?;
         self.lut.check_images(&views, &options)?; // before an output is allocated

@@ -34,6 +34,10 @@ fn mend(error: &Error) -> Option<String> {
         Error::Warp(WarpError::NeedsTable { .. }) => {
             "for \"area\" and \"mode\" make a Lut (from_maps, from_homography) and use its warp".to_owned()
         }
+        Error::Warp(WarpError::BorderMode { got, .. }) => format!(
+            "a Lut holds where its cells sample: build it with border_mode={got:?} (Lut, Lut.from_maps, Lut.from_homography, \
+             Lut.between), or use remap"
+        ),
         Error::Warp(WarpError::TooManyIds { .. }) => "use interpolation=\"nearest\"".to_owned(),
         Error::Cloud(CloudError::DepthSize { expected, got }) => size("depth", got, expected),
         Error::Cloud(CloudError::MaskSize { expected, got }) => {

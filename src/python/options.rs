@@ -9,31 +9,52 @@ use super::convert::{Whole, text_of, type_name, whole_number, word};
 use super::dtype::Taken;
 use super::error::OrRefuse;
 use super::error::classes::{ArgumentError, ArgumentTypeError};
+use super::image::Output;
 use super::layout::Layout;
+use crate::error::TableError;
 use crate::view::as_bytes_mut;
-use crate::{BorderMode, Interpolation, Sample};
+use crate::{BorderMode, Sample};
 
-/// `"bilinear"`, `"nearest"`, `"area"` or `"mode"`.
+/// `"nearest"`, `"bilinear"`, `"cubic"`, `"lanczos4"`, `"area"` or `"mode"`.
 pub(super) fn interpolation(object: &Bound<'_, PyAny>) -> PyResult<Taken> {
-    let expected = "interpolation: expected \"bilinear\", \"nearest\", \"area\" or \"mode\"";
-    match word(expected, object)?.as_ref() {
-        "bilinear" => Ok(Taken::By(Interpolation::Bilinear)),
-        "nearest" => Ok(Taken::By(Interpolation::Nearest)),
-        "area" => Ok(Taken::By(Interpolation::Area)),
-        "mode" => Ok(Taken::Mode),
-        other => Err(ArgumentError::new_err(format!("{expected}, got {other:?}"))),
+    one_of("interpolation", &Taken::ALL, Taken::name, object)
+}
+
+/// `"constant"`, `"replicate"`, `"reflect"`, `"reflect_101"`, `"wrap"` or `"transparent"`.
+pub(super) fn border_mode(object: &Bound<'_, PyAny>) -> PyResult<BorderMode> {
+    one_of("border_mode", &BorderMode::ALL, BorderMode::name, object)
+}
+
+/// What lies beyond the image of a table: [`border_mode`] without the one that only a warp can do.
+pub(super) fn border_of_table(object: Option<&Bound<'_, PyAny>>) -> PyResult<BorderMode> {
+    match object.map_or(Ok(BorderMode::Constant), border_mode)? {
+        BorderMode::Transparent => Err(ArgumentError::new_err(format!(
+            "{}; use lut.warp(image, border_mode=\"transparent\", out=view)",
+            TableError::Transparent
+        ))),
+        mode => Ok(mode),
     }
 }
 
-/// `"constant"`, `"replicate"` or `"reflect_101"`.
-pub(super) fn border_mode(object: &Bound<'_, PyAny>) -> PyResult<BorderMode> {
-    let expected = "border_mode: expected \"constant\", \"replicate\" or \"reflect_101\"";
-    match word(expected, object)?.as_ref() {
-        "constant" => Ok(BorderMode::Constant),
-        "replicate" => Ok(BorderMode::Replicate),
-        "reflect_101" => Ok(BorderMode::Reflect101),
-        other => Err(ArgumentError::new_err(format!("{expected}, got {other:?}"))),
+/// Refuses a warp that keeps what its output holds, without an output.
+pub(super) fn check_kept(border_mode: Option<BorderMode>, out: &Output<'_>) -> PyResult<()> {
+    if border_mode == Some(BorderMode::Transparent) && out.array().is_none() {
+        return Err(ArgumentError::new_err(
+            "out: expected an array for border_mode=\"transparent\", whose cells outside the image keep what it holds, got \
+             None; pass out=",
+        ));
     }
+    Ok(())
+}
+
+/// The one of these whose name a word is.
+fn one_of<T: Copy>(what: &str, all: &[T], name: fn(T) -> &'static str, object: &Bound<'_, PyAny>) -> PyResult<T> {
+    let names: Vec<_> = all.iter().map(|&one| format!("{:?}", name(one))).collect();
+    let (last, others) = names.split_last().map_or(("", [].as_slice()), |(last, others)| (last.as_str(), others));
+    let expected = format!("{what}: expected {} or {last}", others.join(", "));
+    let got = word(&expected, object)?;
+    let found = all.iter().copied().find(|&one| name(one) == got);
+    found.ok_or_else(|| ArgumentError::new_err(format!("{expected}, got {got:?}")))
 }
 
 /// `"HWC"`, `"CHW"`, `"NHWC"` or `"NCHW"`.

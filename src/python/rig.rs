@@ -354,8 +354,12 @@ impl<'py> Job<'_, 'py> {
                     true => (vec![border[channel % border.len()]], of_plane(gains)),
                     false => (border.clone(), gains.to_vec()),
                 };
-                let options =
-                    WarpOptions { interpolation: self.interpolation, border_value, threads: self.threads, isa: None };
+                let options = WarpOptions {
+                    interpolation: self.interpolation,
+                    border_value,
+                    threads: self.threads,
+                    ..WarpOptions::default()
+                };
                 warp(lut, &images, out, &options, &gains)?;
             }
             Ok(())

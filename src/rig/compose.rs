@@ -6,7 +6,7 @@ use crate::error::{Error, Result, RigError, ViewError, WarpError};
 use crate::kernels::{RowKernels, Source};
 use crate::lut::Lut;
 use crate::parallel;
-use crate::table::Span;
+use crate::table::{BorderMode, Span};
 use crate::view::{F16, ImageView, ImageViewMut, Sample, buffer};
 use crate::warp::{Bilinear, Interpolation, WarpOptions};
 
@@ -101,7 +101,7 @@ type Gains<'a> = Option<&'a [f32]>;
 impl RigLut {
     /// Makes one picture of the cameras' images, which are in the rig's order.
     ///
-    /// Bilinear and area mix along seams. `gains`, if not empty, has a factor for each channel of each camera, by which
+    /// Bilinear, cubic, Lanczos and area mix along seams. `gains`, if not empty, has a factor for each channel of each camera, by which
     /// its samples are multiplied first.
     ///
     /// # Errors
@@ -136,7 +136,9 @@ impl RigLut {
                     brighten(cells, gains(piece.tables[0]));
                 })
             }
-            Interpolation::Bilinear => self.pass(images, out, options, &options.kernels(images)?, &mix),
+            Interpolation::Bilinear | Interpolation::Cubic | Interpolation::Lanczos4 => {
+                self.pass(images, out, options, &options.kernels(images)?, &mix)
+            }
             Interpolation::Area => {
                 let warp = |lut: &Lut, image: &ImageView<'_, T>, out: &mut ImageViewMut<'_, T>| {
                     lut.warp_into(image, out, options)
@@ -186,6 +188,9 @@ impl RigLut {
     ) -> Result<()> {
         self.check_images(images)?;
         options.border(images[0].channels(), 1)?;
+        if let Some(got) = options.border_mode.filter(|&mode| mode != BorderMode::Constant) {
+            return Err(Error::Warp(WarpError::BorderMode { built: BorderMode::Constant.name(), got: got.name() }));
+        }
         options.threads_for(0, 0)?;
         let expected = (self.rows(), self.columns(), images[0].channels());
         if out.shape() == expected {
@@ -238,8 +243,10 @@ impl RigLut {
     ) -> Result<()> {
         let channels = images[0].channels();
         let border = options.border(channels, 1)?;
-        let sources =
-            buffer::collected(WHAT, self.cameras.iter().map(|&camera| Source::new(&images[camera], &border)))?;
+        let sources = buffer::collected(
+            WHAT,
+            (self.cameras.iter().zip(&self.tables)).map(|(&camera, lut)| options.source(lut, &images[camera], &border)),
+        )?;
         self.by_pieces(out, options, &sources[0], compose, |row| {
             let mut rows: Vec<_> = (self.tables.iter().zip(&sources))
                 .map(|(lut, source)| RowOf { spans: lut.table().row(row), span: None, source, kernels })

@@ -12,6 +12,9 @@ pub enum TableError {
         /// What was found first.
         problem: &'static str,
     },
+    /// A table whose cells keep what an output holds, which a table cannot know.
+    #[error("border_mode: expected one that says what lies beyond the image, got \"transparent\", which a warp takes")]
+    Transparent,
     /// More cells than a table may hold.
     #[error(
         "{} x {} cells are more than the {limit} that one table or one picture without a table may hold; use a coarser resolution or a smaller output", count(*rows), count(*columns)

@@ -9,12 +9,15 @@ use std::ops::Range;
 
 pub(crate) mod block;
 mod bytes;
+mod edges;
 pub(crate) mod error;
 pub(crate) mod pattern;
 mod restricted;
 mod tap;
 
 pub use bytes::checksum;
+pub use edges::BorderMode;
+pub(crate) use edges::Edges;
 pub(crate) use tap::{ONE, SpanKind, Tap, framed, unframed};
 
 use crate::error::{Result, TableError};
@@ -125,6 +128,7 @@ pub(crate) struct Table {
     pub(crate) rows: usize,
     pub(crate) columns: usize,
     pub(crate) source: (u32, u32),
+    pub(crate) edges: Edges,
     /// Room for a tap for each cell, in which the taps of a band's rows follow each other from the band's first on;
     /// anything at all beyond them. Rows with gaps between them cost a warp with cold caches 10 to 20 %, because what the
     /// CPU fetches ahead stops at each.
@@ -156,9 +160,9 @@ pub(crate) fn check_cells(rows: usize, columns: usize) -> Result<(), TableError>
 
 impl Table {
     /// A table with room for all taps, but none in it, and no spans yet.
-    pub(crate) fn empty((rows, columns): (usize, usize), source: (u32, u32)) -> Result<Self> {
+    pub(crate) fn empty((rows, columns): (usize, usize), source: (u32, u32), edges: Edges) -> Result<Self> {
         check_cells(rows, columns)?;
-        let mut table = Self { rows, columns, source, taps: Vec::new(), bands: Vec::new() };
+        let mut table = Self { rows, columns, source, edges, taps: Vec::new(), bands: Vec::new() };
         table.taps = buffer::filled(WHAT, rows * columns, MaybeUninit::uninit())?;
         table.bands = buffer::filled(WHAT, rows.div_ceil(band_rows(columns)), RowSpans::default())?;
         Ok(table)
@@ -179,6 +183,10 @@ impl Table {
 
     pub(crate) fn source(&self) -> (u32, u32) {
         self.source
+    }
+
+    pub(crate) fn edges(&self) -> Edges {
+        self.edges
     }
 
     pub(crate) fn nbytes(&self) -> usize {
@@ -210,7 +218,7 @@ impl Table {
 /// Tables are equal where all cells are; what lies behind a band's taps is no part of it.
 impl PartialEq for Table {
     fn eq(&self, other: &Self) -> bool {
-        (self.rows, self.columns, self.source) == (other.rows, other.columns, other.source)
+        (self.rows, self.columns, self.source, self.edges) == (other.rows, other.columns, other.source, other.edges)
             && self.bands == other.bands
             && (0..self.rows).step_by(band_rows(self.columns)).all(|row| self.band(row).taps == other.band(row).taps)
     }

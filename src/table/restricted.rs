@@ -15,7 +15,7 @@ impl Table {
     pub(crate) fn restricted(&self, keep: &[bool]) -> Result<Self> {
         let columns = self.columns;
         debug_assert_eq!(keep.len(), self.rows * columns);
-        let mut table = Self::empty((self.rows, columns), self.source)?;
+        let mut table = Self::empty((self.rows, columns), self.source, self.edges)?;
         for (band, (spans, taps)) in table.bands_mut().enumerate() {
             let first = band * band_rows(columns);
             let mut next = 0;

@@ -16,9 +16,12 @@ pub(crate) enum SpanKind {
     Outside = 0,
     /// Valid, and all four pixels around the coordinate exist: [`Tap::offset`] is `y * width + x` of the top-left one.
     Inside = 1,
-    /// Valid, on the last column or row, so that not all four exist. The offset is that of [`framed`].
+    /// Valid, on the last column or row, so that not all four exist, or between the last column and the first of a source
+    /// that begins again. The offset is that of [`framed`].
     Rim = 2,
-    /// Not valid, but less than one pixel outside the rectangle of pixel centres. The offset is that of [`framed`].
+    /// Not valid, but less than one pixel outside the rectangle of pixel centres; where the image goes on beyond its edges
+    /// ([`BorderMode`](super::BorderMode)) all that is not valid, sampling where the image has the same. The offset is that of
+    /// [`framed`].
     Halo = 3,
 }
 

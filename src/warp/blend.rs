@@ -3,10 +3,11 @@
 use super::area::Area;
 use super::direct::WarpDirect;
 use crate::kernels::sealed::Blend;
+use crate::kernels::wide::Wide;
 use crate::view::F16;
 
 /// A sample that can be blended: integers of 8 and 16 bits, and floats.
-pub trait Bilinear: Blend + Area + WarpDirect {}
+pub trait Bilinear: Blend + Wide + Area + WarpDirect {}
 
 impl Bilinear for u8 {}
 impl Bilinear for u16 {}

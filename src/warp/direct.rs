@@ -7,49 +7,13 @@ use nalgebra::Matrix3;
 use super::{Bilinear, Interpolation, WarpOptions, warp_spans};
 use crate::cpu::Isa;
 use crate::error::{Error, LutError, Result, ViewError};
+use crate::kernels::wide::{CUBIC, LANCZOS4, places};
 use crate::kernels::{ExactBlend, ExactKernels, Float, RowKernels, Source};
 use crate::kernels::{Kinds, Row, Sampled, widen};
 use crate::lut::{check_homography, homography_row};
 use crate::parallel;
-use crate::table::{RowSpans, SpanKind, Tap, check_cells};
+use crate::table::{BorderMode, RowSpans, SpanKind, Tap, check_cells};
 use crate::view::{F16, ImageView, ImageViewMut, Sample, buffer, check_image_size};
-
-/// What lies beyond the image.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
-pub enum BorderMode {
-    /// The border value: `cv2.BORDER_CONSTANT`. The default.
-    #[default]
-    Constant,
-    /// The nearest pixel of the edge, aaa|abcd|ddd: `cv2.BORDER_REPLICATE`.
-    Replicate,
-    /// The image mirrored about its outermost pixels, dcb|abcd|cba: `cv2.BORDER_REFLECT_101`.
-    Reflect101,
-}
-
-impl BorderMode {
-    /// Brings coordinates along an axis of `size` pixels into the image; NaN and infinity become NaN, which has no image
-    /// in any mode.
-    fn fold(self, coordinates: &mut [f64], size: usize) {
-        if self == Self::Constant {
-            return;
-        }
-        let last = size as f64 - 1.0;
-        for coordinate in coordinates {
-            if *coordinate >= 0.0 && *coordinate <= last {
-                continue;
-            }
-            *coordinate = match self {
-                _ if !coordinate.is_finite() => f64::NAN,
-                Self::Constant | Self::Replicate => coordinate.clamp(0.0, last),
-                Self::Reflect101 if last == 0.0 => 0.0,
-                Self::Reflect101 => {
-                    let within = coordinate.abs() % (2.0 * last);
-                    within.min(2.0 * last - within)
-                }
-            };
-        }
-    }
-}
 
 /// Where each output cell samples the source.
 #[derive(Debug, Clone, Copy)]
@@ -108,13 +72,15 @@ pub fn warp_direct_into<T: Bilinear>(
     image: &ImageView<'_, T>,
     mapping: &Mapping<'_>,
     out: &mut ImageViewMut<'_, T>,
-    border_mode: BorderMode,
     options: &WarpOptions<T>,
 ) -> Result<()> {
     options.interpolation.without_table()?;
-    let warp = Direct { image, mapping, border_mode, options };
+    let nearest = options.interpolation == Interpolation::Nearest;
+    let warp = Direct { image, mapping, options, nearest, reach: 0.0 };
     match options.interpolation {
         Interpolation::Nearest => by_taps(&warp, out, &options.kernels(slice::from_ref(image))?),
+        Interpolation::Cubic => wide::<T, CUBIC>(&warp, out),
+        Interpolation::Lanczos4 => wide::<T, LANCZOS4>(&warp, out),
         _ => T::warp_direct(&warp, out),
     }
 }
@@ -127,10 +93,9 @@ pub fn warp_direct_nearest_into<T: Sample>(
     image: &ImageView<'_, T>,
     mapping: &Mapping<'_>,
     out: &mut ImageViewMut<'_, T>,
-    border_mode: BorderMode,
     options: &WarpOptions<T>,
 ) -> Result<()> {
-    let warp = Direct { image, mapping, border_mode, options };
+    let warp = Direct { image, mapping, options, nearest: true, reach: 0.0 };
     by_taps(&warp, out, &options.nearest_kernels(slice::from_ref(image))?)
 }
 
@@ -138,8 +103,10 @@ pub fn warp_direct_nearest_into<T: Sample>(
 pub(crate) struct Direct<'a, T> {
     image: &'a ImageView<'a, T>,
     mapping: &'a Mapping<'a>,
-    border_mode: BorderMode,
     options: &'a WarpOptions<T>,
+    nearest: bool,
+    /// How far beyond the image replicated pixels still differ.
+    reach: f64,
 }
 
 /// A sample that is blended without a table: with fractions as a table has them, but for floats, which take them exactly.
@@ -187,9 +154,25 @@ fn exact<T: ExactBlend<F>, F: Float>(warp: &Direct<'_, T>, out: &mut ImageViewMu
                 match kind {
                     SpanKind::Outside => source.fill_border(cells),
                     SpanKind::Inside => kernels.inside(source, coordinates, cells),
+                    SpanKind::Halo if source.keeps() => {}
                     SpanKind::Rim | SpanKind::Halo => kernels.edge(source, coordinates, cells),
                 }
             }
+            Ok(())
+        },
+    )
+}
+
+/// Sums of `N x N` pixels, with weights of the coordinates as they are.
+fn wide<T: Bilinear, const N: usize>(warp: &Direct<'_, T>, out: &mut ImageViewMut<'_, T>) -> Result<()> {
+    let kernel = places::<T, N>(warp.options.isa()?, warp.image.channels());
+    let warp = Direct { reach: (N / 2) as f64, ..*warp };
+    run(
+        &warp,
+        out,
+        |_| Ok(()),
+        |(), row, source, cells| {
+            kernel(source, [row.us, row.vs], cells, source.keeps());
             Ok(())
         },
     )
@@ -238,7 +221,7 @@ fn run<T: Sample, S>(
     scratch: impl Fn(usize) -> Result<S> + Sync,
     fill: impl Fn(&mut S, Sampled<'_>, &Source<'_, T>, &mut [T]) -> Result<()> + Sync,
 ) -> Result<()> {
-    let Direct { image, mapping, border_mode, options } = warp;
+    let Direct { image, mapping, options, nearest, reach } = *warp;
     let (rows, columns, channels) = out.shape();
     let source_size = check_image_size("image", image.width() as u64, image.height() as u64)?;
     check_cells(rows, columns)?;
@@ -251,7 +234,9 @@ fn run<T: Sample, S>(
     }
     let border = options.border(image.channels(), 1)?;
     let (threads, isa) = (options.threads_for(rows * columns, channels)?, options.isa()?);
-    let source = Source::new(image, &border);
+    let mode = options.border_mode.unwrap_or_default();
+    let source = Source::new(image, &border).with_edges([mode; 2]);
+    let source = if mode == BorderMode::Transparent { source.transparent() } else { source };
     let whole = Row::collected((0..columns).map(|column| column as f64))?;
     let bands = out.bands(parallel::rows_per_band(rows, columns, threads));
     parallel::for_each(threads, bands, |(first, band)| {
@@ -259,38 +244,14 @@ fn run<T: Sample, S>(
         let mut scratch = scratch(columns)?;
         for (row, cells) in (first..).zip(band) {
             mapping.fill(isa, row, &whole, &mut us, &mut vs);
-            border_mode.fold(&mut us, image.width());
-            border_mode.fold(&mut vs, image.height());
+            if nearest && mode.repeats() {
+                // before a mirror turns a half's even neighbour into its odd one
+                us.iter_mut().chain(&mut *vs).for_each(|at| *at = at.round_ties_even());
+            }
+            mode.fold(&mut us, image.width(), reach);
+            mode.fold(&mut vs, image.height(), reach);
             fill(&mut scratch, Sampled { us: &us, vs: &vs, source: source_size }, &source, cells)?;
         }
         Ok(())
     })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn folded(mode: BorderMode, coordinate: f64, size: usize) -> f64 {
-        let mut one = [coordinate];
-        mode.fold(&mut one, size);
-        one[0]
-    }
-
-    #[test]
-    fn borders_fold_as_opencv_names_them() {
-        for (coordinate, replicate, reflect) in
-            [(-0.25, 0.0, 0.25), (-3.5, 0.0, 3.5), (4.5, 4.0, 3.5), (8.0, 4.0, 0.0), (11.0, 4.0, 3.0), (2.5, 2.5, 2.5)]
-        {
-            assert_eq!(folded(BorderMode::Replicate, coordinate, 5), replicate, "{coordinate}");
-            assert_eq!(folded(BorderMode::Reflect101, coordinate, 5), reflect, "{coordinate}");
-            assert_eq!(folded(BorderMode::Constant, coordinate, 5), coordinate);
-        }
-        assert_eq!(folded(BorderMode::Reflect101, 3.7, 1), 0.0);
-        for mode in [BorderMode::Replicate, BorderMode::Reflect101] {
-            for none in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
-                assert!(folded(mode, none, 5).is_nan());
-            }
-        }
-    }
 }

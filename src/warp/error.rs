@@ -21,8 +21,26 @@ pub enum WarpError {
         got: usize,
     },
     /// A way to interpolate that only a table offers, without one.
-    #[error("interpolation: expected one of those that need no table, bilinear or nearest, got {got:?}")]
+    #[error(
+        "interpolation: expected one of those that need no table, nearest, bilinear, cubic or lanczos4, got {got:?}"
+    )]
     NeedsTable {
+        /// The one that came.
+        got: &'static str,
+    },
+    /// A border mode that a table was not built for.
+    #[error("border_mode: expected \"transparent\" or what this Lut was built for, {built:?}, got {got:?}")]
+    BorderMode {
+        /// What the table was built for.
+        built: &'static str,
+        /// The one that came.
+        got: &'static str,
+    },
+    /// A way to interpolate that has no transpose.
+    #[error(
+        "interpolation: expected one that has an adjoint, bilinear, nearest or area of a table whose border is constant, got {got:?}"
+    )]
+    NoAdjoint {
         /// The one that came.
         got: &'static str,
     },

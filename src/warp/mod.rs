@@ -48,7 +48,7 @@ impl Lut {
     /// Warps an image into a given one. The result does not depend on the number of threads.
     ///
     /// # Errors
-    /// [`ViewError::SizeMismatch`], [`ViewError::OutputShape`], [`ViewError::BorderChannels`] and
+    /// [`ViewError::SizeMismatch`], [`ViewError::OutputShape`], [`ViewError::BorderChannels`], [`WarpError::BorderMode`] and
     /// [`ThreadsError::Zero`](crate::error::ThreadsError::Zero), all before anything is written.
     pub fn warp_into<T: Bilinear>(
         &self,
@@ -110,7 +110,7 @@ impl Lut {
     ///
     /// # Errors
     /// [`WarpError::ImageCount`], [`ViewError::SizeMismatch`], [`WarpError::MixedChannels`],
-    /// [`ViewError::BorderChannels`] and [`ThreadsError::Zero`](crate::error::ThreadsError::Zero).
+    /// [`ViewError::BorderChannels`], [`WarpError::BorderMode`] and [`ThreadsError::Zero`](crate::error::ThreadsError::Zero).
     pub fn check_images<T: Copy>(&self, images: &[ImageView<'_, T>], options: &WarpOptions<T>) -> Result<()> {
         let [first, ..] = images else { return Err(Error::Warp(WarpError::ImageCount { images: 0, outs: 0 })) };
         let source = self.source_size();
@@ -127,6 +127,7 @@ impl Lut {
             }
         }
         options.check_border(first.channels(), images.len())?;
+        options.check_border_mode(self.border_mode())?;
         options.threads_for(0, 0).map(drop)
     }
 }
@@ -167,7 +168,7 @@ fn run<T: Sample>(
         Some(kernel) => Some((kernel, lut.derived(|table| NearestPixels::new(options.isa()?, table, threads))?)),
         None => None,
     };
-    let source = |index: usize| Source::new(&images[index], border_of(&border, channels, index));
+    let source = |index: usize| options.source(lut, &images[index], border_of(&border, channels, index));
     let engine = Engine { table: lut.table(), kernels: &kernels, pixels };
     let planes = if kernels.planes.is_some() { PLANES } else { 1 };
     let even = parallel::rows_per_band(rows * images.len(), columns, threads);
@@ -314,6 +315,7 @@ fn warp_spans<'a, T: Sample, const N: usize>(
             SpanKind::Outside if filled => {}
             SpanKind::Outside => cells.into_iter().zip(sources).for_each(|(cells, source)| source.fill_border(cells)),
             SpanKind::Inside => inside(&span, cells),
+            SpanKind::Halo if sources[0].keeps() => {}
             SpanKind::Rim | SpanKind::Halo => {
                 cells.into_iter().zip(sources).for_each(|(cells, source)| (kernels.edge)(source, span.taps, cells));
             }

@@ -45,7 +45,7 @@ impl Lut {
         let threads = options.threads_for(rows * columns * images.len(), channels)?;
         let band_rows = parallel::rows_per_band(rows, columns, threads);
         for (index, (labels, out)) in labels.iter().zip(outs).enumerate() {
-            let source = Source::new(labels.image, border_of(&border, channels, index));
+            let source = options.source(self, labels.image, border_of(&border, channels, index));
             let job = Job { lut: self, isa, labels, source: &source, kernels: &kernels };
             parallel::for_each(threads, out.bands(band_rows), |(first, band)| job.run(first, band))?;
         }

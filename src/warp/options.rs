@@ -5,8 +5,11 @@ use std::borrow::Cow;
 use super::Bilinear;
 use crate::cpu::Isa;
 use crate::error::{Error, IsaError, Result, ViewError, WarpError};
-use crate::kernels::RowKernels;
+use crate::kernels::wide::{CUBIC, LANCZOS4};
+use crate::kernels::{RowKernels, Source};
+use crate::lut::Lut;
 use crate::parallel::Work;
+use crate::table::BorderMode;
 use crate::view::buffer;
 use crate::view::{ImageView, Sample};
 
@@ -20,17 +23,28 @@ pub enum Interpolation {
     /// The four pixels around the coordinate, weighted by nearness. The default.
     #[default]
     Bilinear,
+    /// Bicubic convolution of the 4 x 4 pixels around the coordinate with a = -0.75, as `cv2.INTER_CUBIC`. Sharper than
+    /// bilinear where a picture is magnified, with a light rim along edges; it does not average where a cell is larger than
+    /// a pixel, as those of a road are: that is [`Interpolation::Area`].
+    Cubic,
+    /// Lanczos' windowed sinc of the 8 x 8 pixels around the coordinate, as `cv2.INTER_LANCZOS4`; likewise.
+    Lanczos4,
     /// The mean of the source over what the cell covers of it, at least a pixel: no aliasing where a cell is larger than a
     /// pixel, bilinear where it is not. For warps through a [`Lut`](crate::Lut).
     Area,
 }
 
 impl Interpolation {
+    /// All of them.
+    pub const ALL: [Self; 5] = [Self::Nearest, Self::Bilinear, Self::Cubic, Self::Lanczos4, Self::Area];
+
     /// Its name.
     pub fn name(self) -> &'static str {
         match self {
             Self::Nearest => "nearest",
             Self::Bilinear => "bilinear",
+            Self::Cubic => "cubic",
+            Self::Lanczos4 => "lanczos4",
             Self::Area => "area",
         }
     }
@@ -41,7 +55,7 @@ impl Interpolation {
     /// [`WarpError::NeedsTable`].
     pub fn without_table(self) -> Result<Self, WarpError> {
         match self {
-            Self::Nearest | Self::Bilinear => Ok(self),
+            Self::Nearest | Self::Bilinear | Self::Cubic | Self::Lanczos4 => Ok(self),
             Self::Area => Err(WarpError::NeedsTable { got: self.name() }),
         }
     }
@@ -54,6 +68,10 @@ pub struct WarpOptions<T> {
     pub interpolation: Interpolation,
     /// What cells without an image get: one value for all channels, or one each.
     pub border_value: Vec<T>,
+    /// What lies beyond the image; `None` is what the table was built for ([`Lut::border_mode`]), and without a table the
+    /// border value. A table's cells outside the image sample what they were built for, so of a table it can only be
+    /// [`BorderMode::Transparent`] or that.
+    pub border_mode: Option<BorderMode>,
     /// Which instruction set's kernels; `None` is [`Isa::active`]. All give the same result: this is for tests, benches
     /// and bug reports.
     pub isa: Option<Isa>,
@@ -63,7 +81,13 @@ pub struct WarpOptions<T> {
 
 impl<T: Default> Default for WarpOptions<T> {
     fn default() -> Self {
-        Self { interpolation: Interpolation::default(), border_value: vec![T::default()], isa: None, threads: None }
+        Self {
+            interpolation: Interpolation::default(),
+            border_value: vec![T::default()],
+            border_mode: None,
+            isa: None,
+            threads: None,
+        }
     }
 }
 
@@ -88,6 +112,15 @@ impl<T: Copy> WarpOptions<T> {
         }
     }
 
+    /// Whether a table that was built for a mode can do as this says.
+    pub(super) fn check_border_mode(&self, built: BorderMode) -> Result<(), WarpError> {
+        match self.border_mode {
+            None | Some(BorderMode::Transparent) => Ok(()),
+            Some(mode) if mode == built => Ok(()),
+            Some(got) => Err(WarpError::BorderMode { built: built.name(), got: got.name() }),
+        }
+    }
+
     /// The border value of each channel, or of each plane in turn, if [`Self::check_border`] allows.
     pub(crate) fn border(&self, channels: usize, images: usize) -> Result<Cow<'_, [T]>> {
         self.check_border(channels, images)?;
@@ -99,6 +132,12 @@ impl<T: Copy> WarpOptions<T> {
 }
 
 impl<T: Sample> WarpOptions<T> {
+    /// An image as the cells of a table sample it.
+    pub(crate) fn source<'a>(&self, lut: &Lut, image: &'a ImageView<'a, T>, border: &'a [T]) -> Source<'a, T> {
+        let source = Source::new(image, border).with_edges(lut.table().edges().axes());
+        if self.border_mode == Some(BorderMode::Transparent) { source.transparent() } else { source }
+    }
+
     /// The kernels of nearest for images of one number of channels, of which there is at least one.
     pub(crate) fn nearest_kernels(&self, images: &[ImageView<'_, T>]) -> Result<RowKernels<T>> {
         let contiguous = images.iter().all(ImageView::is_contiguous);
@@ -115,6 +154,8 @@ impl<T: Bilinear> WarpOptions<T> {
             Interpolation::Bilinear | Interpolation::Area => {
                 Ok(RowKernels::bilinear(self.isa()?, images[0].channels(), contiguous))
             }
+            Interpolation::Cubic => Ok(RowKernels::wide::<CUBIC>(self.isa()?, images[0].channels())),
+            Interpolation::Lanczos4 => Ok(RowKernels::wide::<LANCZOS4>(self.isa()?, images[0].channels())),
         }
     }
 }

@@ -6,9 +6,7 @@
 use std::fmt::{Debug, Display};
 use std::io::Write;
 
-use ipm_rs::{
-    BorderMode, F16, ImageView, ImageViewMut, Interpolation, Isa, Lut, Mapping, Sample, WarpOptions, warp_direct_into,
-};
+use ipm_rs::{F16, ImageView, ImageViewMut, Interpolation, Isa, Lut, Mapping, Sample, WarpOptions, warp_direct_into};
 
 /// Every instruction set that the library knows, whether or not this build and this CPU have it.
 const KNOWN: [Isa; 4] = [Isa::Scalar, Isa::Avx2, Isa::Avx512, Isa::Neon];
@@ -268,7 +266,7 @@ impl<T: ipm_rs::Bilinear> Job<T> {
     pub(crate) fn direct() -> Self {
         let warp: Warp<T> = |lut, view, out, options| {
             let (map_x, map_y) = lut.maps(f32::NAN).expect("memory for the maps");
-            warp_direct_into(view, &Mapping::MapsF32(&map_x, &map_y), out, BorderMode::Constant, options)
+            warp_direct_into(view, &Mapping::MapsF32(&map_x, &map_y), out, options)
         };
         Self { warp, interpolation: Interpolation::Bilinear }
     }
@@ -326,6 +324,7 @@ impl<T: Number> Job<T> {
 
     fn options(&self, isa: Isa, border: &[T]) -> WarpOptions<T> {
         WarpOptions {
+            border_mode: None,
             interpolation: self.interpolation,
             border_value: border.to_vec(),
             isa: Some(isa),

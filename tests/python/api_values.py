@@ -125,7 +125,10 @@ class Values:
 
 
 P = Callable[[Values], Any]
+BORDERS = ["constant", "replicate", "reflect", "reflect_101", "wrap"]
+
 PARAMETERS: dict[str, P] = {
+    "border_mode": lambda v: v.rng.choice(BORDERS),
     "K": lambda v: K.copy(),
     "M": lambda v: np.array([[1.1, 0.02, -3], [0.01, 0.9, 2], [1e-4, 0, 1]]),
     "R": lambda v: CAMERAS[0].camera_from_vehicle[:3, :3].copy(),
@@ -192,7 +195,7 @@ def _layout(v: Values, image: np.ndarray) -> Arguments:
 
 
 def _warp(v: Values) -> tuple[Callable[..., Any], Arguments]:
-    interpolation = v.rng.choice(["bilinear", "nearest", "area", "mode"])
+    interpolation = v.rng.choice(["bilinear", "nearest", "cubic", "lanczos4", "area", "mode"])
     dtypes = {"nearest": "bool u1 i4 f8", "mode": "u1 i2 u4"}.get(interpolation, "u1 u2 f4")
     lut, arguments = v.rng.choice(LUTS), _layout(v, v.image(1, 3, 4, dtypes=dtypes))
     more = {"interpolation": interpolation, "threads": 2, "border_value": v.rng.choice([0, 1, 1.0])}
@@ -202,6 +205,7 @@ def _warp(v: Values) -> tuple[Callable[..., Any], Arguments]:
         shape = list(image.shape)
         shape[rows], shape[columns] = lut.shape
         more["out"] = np.zeros(shape, image.dtype)
+        more["border_mode"] = v.rng.choice([None, "constant", "transparent"])
     return lut.warp, arguments | more
 
 
@@ -232,8 +236,8 @@ def _rig_warp_adjoint(v: Values) -> tuple[Callable[..., Any], Arguments]:
 
 def _direct(v: Values, arguments: Arguments, shape: tuple[int, int]) -> Arguments:
     arguments |= {
-        "interpolation": v.rng.choice(["bilinear", "nearest"]),
-        "border_mode": v.rng.choice(["constant", "replicate", "reflect_101"]),
+        "interpolation": v.rng.choice(["bilinear", "nearest", "cubic", "lanczos4"]),
+        "border_mode": v.rng.choice(["constant", "replicate", "reflect", "reflect_101", "wrap"]),
         "border_value": v.rng.choice([0, 7]),
         "threads": 1,
     }
@@ -666,8 +670,19 @@ RECIPES: dict[str, Callable[[Values], tuple[Callable[..., Any], Arguments]]] = {
     ),
     "Homography.pixels_from_ground": lambda v: (HOMOGRAPHY.pixels_from_ground, {"xy": GROUND_POINTS[:, :2]}),
     "Homography.ground_from_pixels": lambda v: (HOMOGRAPHY.ground_from_pixels, {"uv": [[3.0, 40], [9, 4]]}),
-    "Lut.between": lambda v: (ipm_rs.Lut.between, {"source": v.rng.choice(CAMERAS), "target": CAMERAS[0]}),
-    "Lut.from_maps": _with(ipm_rs.Lut.from_maps, lambda v: {**v.maps(), "source_size": (WIDTH, HEIGHT)}),
+    "Lut.between": lambda v: (
+        ipm_rs.Lut.between,
+        {"source": v.rng.choice(CAMERAS), "target": CAMERAS[0], "border_mode": v.rng.choice(BORDERS)},
+    ),
+    "Lut.from_maps": _with(
+        ipm_rs.Lut.from_maps,
+        lambda v: {
+            **v.maps(),
+            "source_size": (WIDTH, HEIGHT),
+            "border_mode": v.rng.choice(BORDERS),
+            "source_wraps": v.rng.choice([False, True]),
+        },
+    ),
     "Lut._from_bytes": _with(ipm_rs.Lut._from_bytes, lambda v: {"data": LUTS[0].__reduce__()[1][0]}),
     "BevGrid": _with(ipm_rs.BevGrid, lambda v: {"x": (4, 14), "y": (-4, 4), "resolution": PARAMETERS["resolution"](v)}),
     "RadialPolynomial": _with(ipm_rs.RadialPolynomial, lambda v: {"coefficients": [50.0, 0.1, 0, 0], "max_angle": 1.0}),

@@ -28,7 +28,7 @@ FUNCTIONS = [name for name, value in PUBLIC.items() if inspect.isroutine(value)]
 MEMBERS = {
     "Camera": (
         "from_euler from_ground_points from_points from_projection from_fov load load_all save to_json intrinsics "
-        "lens image_size camera_from_vehicle vehicle_from_camera position project unproject "
+        "lens image_size is_panorama camera_from_vehicle vehicle_from_camera position project unproject "
         "ground_from_pixels resized cropped with_pose binned rotated180 mirrored masked mask undistorted "
         "project_polygon ground_polygon "
         "from_vanishing_point pixels_from_cells cells_from_pixels project_polyline horizon horizon_line "
@@ -53,7 +53,7 @@ MEMBERS = {
     "HeightMap": "on_grid heights shape origin spacing height_at",
     "Lut": "save load export between from_maps from_homography from_ground_points warp warp_adjoint mask maps "
     "sampling_density resolved_mask shape "
-    "source_size nbytes camera grid ground",
+    "source_size source_wraps border_mode nbytes camera grid ground",
     "PixelRays": "camera nbytes",
     "Layers": "",
     "Rig": "cameras subset moved to_json save load",
@@ -215,16 +215,16 @@ def test_docstrings_say_shapes_and_what_is_refused():
 
 def test_keywords_stay_keywords():
     for function, names in {
-        ipm_rs.Lut.warp: ("interpolation", "border_value", "out", "threads"),
-        ipm_rs.Lut.from_maps: ("source_size",),
-        ipm_rs.Lut.from_homography: ("size", "source_size"),
+        ipm_rs.Lut.warp: ("interpolation", "border_mode", "border_value", "out", "threads"),
+        ipm_rs.Lut.from_maps: ("source_size", "border_mode", "source_wraps"),
+        ipm_rs.Lut.from_homography: ("size", "source_size", "grid", "border_mode"),
         ipm_rs.Camera.from_euler: ("image_size", "position", "roll", "pitch", "yaw", "lens"),
         ipm_rs.Camera.from_cityscapes: ("image_size",),
         ipm_rs.Camera.project: ("ground",),
         ipm_rs.Camera.ground_from_pixels: ("ground",),
         ipm_rs.BevGrid: ("x", "y", "resolution", "sample_at"),
         ipm_rs.Camera: ("image_size", "camera_from_vehicle", "vehicle_from_camera", "lens"),
-        ipm_rs.Lut: ("ground",),
+        ipm_rs.Lut: ("ground", "border_mode"),
     }.items():
         parameters = inspect.signature(function).parameters
         for name in names:

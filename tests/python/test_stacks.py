@@ -29,8 +29,9 @@ CALLS = {
         for kind in ("nearest", "bilinear", "area", "mode")
     },
     "warp, planes": "lut.warp(np.ascontiguousarray(image.transpose(2, 0, 1)), layout='CHW', threads=4)",
-    "remap": "[ipm_rs.remap(image, maps, maps, interpolation=k, border_mode=m) for k in ('nearest', 'bilinear')"
-    " for m in ('constant', 'replicate', 'reflect_101')]",
+    "remap": "[ipm_rs.remap(image, maps, maps, interpolation=k, border_mode=m)"
+    " for k in ('nearest', 'bilinear', 'cubic', 'lanczos4')"
+    " for m in ('constant', 'replicate', 'reflect', 'reflect_101', 'wrap')]",
     "warp_perspective": "ipm_rs.warp_perspective(image, np.eye(3), (300, 200))",
     "project": "[camera_behind(lens).project(points) for lens in lenses], camera.project(points[::2])",
     "project on the ground": "camera.project(points[:, :2].copy(), ground=road)",

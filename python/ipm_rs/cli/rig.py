@@ -95,9 +95,10 @@ that are nearest in time.""",
     pixels = rig.add_argument_group("pixels")
     pixels.add_argument(
         "--interpolation",
-        choices=("bilinear", "nearest", "area", "mode"),
+        choices=("nearest", "bilinear", "cubic", "lanczos4", "area", "mode"),
         default="area",
-        help="area, the mean of all that a cell covers; bilinear, faster; nearest and mode for labels (default: area)",
+        help="area, the mean of all that a cell covers; bilinear, faster; nearest and mode for labels; cubic and "
+        "lanczos4, as OpenCV's, not for roads (default: area)",
     )
     pixels.add_argument(
         "--border-value", metavar="V", nargs="+", type=value, default=[0], help="of cells that nobody sees (default: 0)"

@@ -94,10 +94,10 @@ output decides its format: """
     pixels = warp.add_argument_group("pixels")
     pixels.add_argument(
         "--interpolation",
-        choices=("bilinear", "nearest", "area", "mode"),
+        choices=("nearest", "bilinear", "cubic", "lanczos4", "area", "mode"),
         default="bilinear",
         help="bilinear; area, the mean of all that a cell covers, without aliasing near the car; nearest and mode, the "
-        "id that most of a cell has, for labels (default: bilinear)",
+        "id that most of a cell has, for labels; cubic and lanczos4, as OpenCV's, not for roads (default: bilinear)",
     )
     pixels.add_argument(
         "--border-value",

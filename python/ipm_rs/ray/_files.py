@@ -90,7 +90,7 @@ def warp_files(
     partition: int = 100,
     ending: str = ".png",
     level: int = 1,
-    interpolation: Literal["bilinear", "nearest", "area", "mode"] = "bilinear",
+    interpolation: Literal["nearest", "bilinear", "cubic", "lanczos4", "area", "mode"] = "bilinear",
     border_value: float | list[float] = 0,
     recursive: bool = False,
     strict: bool = False,

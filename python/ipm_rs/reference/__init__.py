@@ -5,7 +5,8 @@ Four steps, each a few lines, written for obviousness and not for speed:
 1. calibration numbers -> matrices: :func:`intrinsic_matrix`, :func:`rotation_from_euler`, :func:`camera_from_euler`;
 2. metric grid -> ground points: :func:`grid_shape`, :func:`grid_xy`;
 3. points -> pixels and back: :func:`project`, :func:`ground_from_pixels`, and :func:`maps` for a whole grid;
-4. image + maps -> bird's-eye view: :func:`remap_nearest`, :func:`remap_bilinear`, with :func:`valid_mask`; and, of all
+4. image + maps -> bird's-eye view: :func:`remap_nearest`, :func:`remap_bilinear` (and :func:`remap_cubic`,
+   :func:`remap_lanczos4`), with :func:`valid_mask`; and, of all
    that each cell covers (:func:`grid_corners`, :func:`footprints`): :func:`remap_area`, :func:`remap_mode`.
 
 From depth images to points and from points to what a camera sees of them: :mod:`~ipm_rs.reference.clouds`, whose names
@@ -40,7 +41,7 @@ from .clouds import (
 from .footprints import covered_area, footprints, remap_area, remap_mode
 from .grids import grid_corners, grid_shape, grid_xy
 from .raster import rasterize
-from .warps import remap_bilinear, remap_nearest, touches_image, valid_mask
+from .warps import remap_bilinear, remap_cubic, remap_lanczos4, remap_nearest, touches_image, valid_mask
 
 __all__ = [
     "OPTICAL_FROM_FLU",
@@ -69,6 +70,8 @@ __all__ = [
     "rasterize",
     "remap_area",
     "remap_bilinear",
+    "remap_cubic",
+    "remap_lanczos4",
     "remap_mode",
     "remap_nearest",
     "rotation_from_euler",

@@ -154,7 +154,7 @@ class RigLut:
         self,
         images: Images,
         *,
-        interpolation: Literal["nearest", "bilinear", "area", "mode"] = "bilinear",
+        interpolation: Literal["nearest", "bilinear", "cubic", "lanczos4", "area", "mode"] = "bilinear",
         gains: Mapping[str, ArrayLike] | None = None,
         missing: Missing | None = None,
         border_value: float | Sequence[float] = 0,
@@ -169,7 +169,7 @@ class RigLut:
         images : mapping of str to array, or sequence
             The cameras' images by their names, or in the rig's order; each as `Lut.warp` takes it, of its camera's
             size, all of one dtype and number of channels.
-        interpolation : {"bilinear", "nearest", "area", "mode"}
+        interpolation : {"nearest", "bilinear", "cubic", "lanczos4", "area", "mode"}
             As for `Lut.warp`. Bilinear and area mix along seams; nearest and mode take the camera that counts most, so
             that ids stay what they are.
         gains : mapping of str to float or (channels,) array, optional

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,9 +16,10 @@ _APART = 1e-6  # metres; rounding of poses leaves less, and no picture shows it
 _BAND = 1 << 16  # pixels at a time: their rays stay in the cache, and memory is that of the maps
 
 Map = NDArray[np.float64]
+BorderMode = Literal["constant", "replicate", "reflect", "reflect_101", "wrap"]
 
 
-def between(source: Camera, target: Camera) -> Lut:
+def between(source: Camera, target: Camera, *, border_mode: BorderMode = "constant") -> Lut:
     """Make the table from the pictures of `source` to those that `target` would take from the same place.
 
     Each pixel of the target looks along a ray, and samples the source where that ray is seen: undistorted, rectified,
@@ -28,6 +31,9 @@ def between(source: Camera, target: Camera) -> Lut:
         Whose pictures are warped.
     target : Camera
         Whose pictures are made, such as ``source.undistorted()``; ``source.with_pose(pose)`` turned, but at its place.
+
+    border_mode : str
+        What lies beyond the source's picture, as for `Lut`.
 
     Returns
     -------
@@ -49,7 +55,8 @@ def between(source: Camera, target: Camera) -> Lut:
     instead of float32; a table keeps them to 1/65536 pixel.
     """
     map_x, map_y = exact_maps(source, target)
-    lut = Lut.from_maps(map_x, map_y, source_size=source.image_size)
+    size, wraps = source.image_size, source.is_panorama
+    lut = Lut.from_maps(map_x, map_y, source_size=size, border_mode=border_mode, source_wraps=wraps)
     mask = source.mask
     if mask is None:
         return lut
@@ -57,7 +64,7 @@ def between(source: Camera, target: Camera) -> Lut:
     # the picture hides nothing.
     white = lut.warp(mask.astype(np.uint8) * np.uint8(255), interpolation="area", border_value=255)
     map_x[white < 255] = np.nan
-    return Lut.from_maps(map_x, map_y, source_size=source.image_size)
+    return Lut.from_maps(map_x, map_y, source_size=size, border_mode=border_mode, source_wraps=wraps)
 
 
 def exact_maps(source: Camera, target: Camera) -> tuple[Map, Map]:

@@ -230,10 +230,11 @@ impl<const BACKWARD: bool> Distort for Way<BACKWARD> {
         (if settled | !inside | (r == 0.0) { u } else { f64::INFINITY }, v)
     }
 
-    #[inline]
+    #[inline(always)]
     fn distort(&self, x: f64, y: f64, z: f64) -> (f64, f64) {
         let drafted = self.draft(x, y, z);
-        if drafted.0 != f64::INFINITY {
+        // forward there is nothing to search, and a branch would keep the compiler from vectors
+        if !BACKWARD || drafted.0 != f64::INFINITY {
             return drafted;
         }
         let r = (x * x + y * y).sqrt();

@@ -24,7 +24,7 @@ use crate::error::{Error, LutError, Result, ViewError};
 use crate::grid::BevGrid;
 use crate::ground::{Ground, Plane};
 use crate::kernels::Row;
-use crate::table::Table;
+use crate::table::{BorderMode, Edges, Table};
 use crate::view::check_image_size;
 
 /// A row of a grid on a plane road in the camera frame: `origin + step * y`.
@@ -56,19 +56,32 @@ impl Lut {
     /// The table of a bird's-eye view: each cell of the grid samples the pixel that sees its road point. Cells behind
     /// the camera, outside its lens's domain or outside its image are invalid; nothing wraps. Of a height map, so are
     /// cells where the road is not known, and those that a crest hides; and all cells of a road that passes through the
-    /// camera, which sees it edge-on. [`Lut::plausibility`] says what is odd.
+    /// camera, which sees it edge-on. Of a panorama of 360 degrees the last column of pixels is followed by the first.
+    /// [`Lut::plausibility`] says what is odd.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`] where there is no memory for the table, [`IsaError`](crate::error::IsaError) where the
     /// environment variable IPM_RS_ISA names no instruction set that is available. Camera, grid and ground were checked
     /// when they were made.
     pub fn new(camera: &Camera, grid: &BevGrid, ground: &Ground) -> Result<Self> {
+        Self::new_with(camera, grid, ground, BorderMode::Constant)
+    }
+
+    /// [`Lut::new`], and for cells whose point is seen, but outside the image, the pixels that `mode` has there. The mask
+    /// says nothing of these cells: they are not valid in any mode. Cells that no picture shows, because they are behind the
+    /// camera or outside its lens's domain, have no pixel in any mode either.
+    ///
+    /// # Errors
+    /// Those of [`Lut::new`], and [`TableError::Transparent`](crate::error::TableError::Transparent).
+    pub fn new_with(camera: &Camera, grid: &BevGrid, ground: &Ground, mode: BorderMode) -> Result<Self> {
+        let edges = Edges::new(mode, camera.is_panorama())?;
         let isa = Isa::active()?;
         let ys = Row::collected((0..grid.columns()).map(|column| grid.y_of_column(column as f64)))?;
         let (shape, intrinsics) = ((grid.rows(), grid.columns()), camera.intrinsics());
         let table = match ground {
             Ground::Plane(plane) => {
-                let (window, step) = (Window::of(camera), GroundRow::step(camera, plane));
+                let window = if edges.see_all() { None } else { Window::of(camera) };
+                let step = GroundRow::step(camera, plane);
                 let rows = window.as_ref().map(|window| window.over(grid, &step));
                 let edge_on = plane.is_edge_on(&camera.position());
                 let row_and_seen = |row: usize| {
@@ -81,7 +94,7 @@ impl Lut {
                     (GroundRow { origin, step }, columns)
                 };
                 match camera.lens() {
-                    None => Table::build(shape, camera.image_size(), isa, |row, us, vs| {
+                    None => Table::build(shape, camera.image_size(), edges, isa, |row, us, vs| {
                         let (row, seen) = row_and_seen(row);
                         let (us, vs) = (&mut us[seen.clone()], &mut vs[seen.clone()]);
                         row.projected(&intrinsics).fill(isa, &ys[seen.clone()], us, vs);
@@ -89,7 +102,7 @@ impl Lut {
                     }),
                     Some(lens) => {
                         let offsets = Offsets::along(&step, &ys)?;
-                        Table::build(shape, camera.image_size(), isa, |row, us, vs| {
+                        Table::build(shape, camera.image_size(), edges, isa, |row, us, vs| {
                             let (row, seen) = row_and_seen(row);
                             let (us, vs) = (&mut us[seen.clone()], &mut vs[seen.clone()]);
                             let row = BentRow { origin: row.origin, step: row.step, intrinsics, lens };
@@ -101,7 +114,7 @@ impl Lut {
             }
             Ground::HeightMap(map) => {
                 let surface = Surface::new(camera, map, &ys)?;
-                Table::build(shape, camera.image_size(), isa, |row, us, vs| {
+                Table::build(shape, camera.image_size(), edges, isa, |row, us, vs| {
                     surface.fill(isa, grid.x_of_row(row as f64), us, vs)?;
                     Ok(0..us.len())
                 })
@@ -124,6 +137,24 @@ impl Lut {
         columns: usize,
         source_size: (u32, u32),
     ) -> Result<Self> {
+        Self::from_maps_with(map_x, map_y, columns, source_size, BorderMode::Constant, false)
+    }
+
+    /// [`Lut::from_maps`], and for entries outside the image the pixels that `mode` has there; such cells are not valid.
+    /// Where the source `wraps`, as a panorama of 360 degrees does, its last column is followed by its first: entries
+    /// between the two are inside the image.
+    ///
+    /// # Errors
+    /// Those of [`Lut::from_maps`], and [`TableError::Transparent`](crate::error::TableError::Transparent).
+    pub fn from_maps_with<T: Copy + Into<f64> + Sync>(
+        map_x: &[T],
+        map_y: &[T],
+        columns: usize,
+        source_size: (u32, u32),
+        mode: BorderMode,
+        wraps: bool,
+    ) -> Result<Self> {
+        let edges = Edges::new(mode, wraps)?;
         let source = check_image_size("source_size", source_size.0.into(), source_size.1.into())?;
         let rows = map_x.len().checked_div(columns).unwrap_or(0);
         if rows == 0 {
@@ -137,7 +168,7 @@ impl Lut {
         if map_x.len() != map_y.len() || rows * columns != map_x.len() {
             return Err(Error::Lut(LutError::MapLength { expected: map_x.len(), got: map_y.len() }));
         }
-        let table = Table::build((rows, columns), source, Isa::active()?, |row, us, vs| {
+        let table = Table::build((rows, columns), source, edges, Isa::active()?, |row, us, vs| {
             let cells = row * columns..(row + 1) * columns;
             us.iter_mut().zip(&map_x[cells.clone()]).for_each(|(u, &map)| *u = map.into());
             vs.iter_mut().zip(&map_y[cells]).for_each(|(v, &map)| *v = map.into());
@@ -154,12 +185,27 @@ impl Lut {
     /// [`TableError::TooManyCells`](crate::error::TableError::TooManyCells), [`Error::OutOfMemory`] and
     /// [`IsaError`](crate::error::IsaError).
     pub fn from_homography(m: &Matrix3<f64>, size: (u32, u32), source_size: (u32, u32)) -> Result<Self> {
+        Self::from_homography_with(m, size, source_size, BorderMode::Constant)
+    }
+
+    /// [`Lut::from_homography`], and for what lies outside the image the pixels that `mode` has there; such cells are not
+    /// valid.
+    ///
+    /// # Errors
+    /// Those of [`Lut::from_homography`], and [`TableError::Transparent`](crate::error::TableError::Transparent).
+    pub fn from_homography_with(
+        m: &Matrix3<f64>,
+        size: (u32, u32),
+        source_size: (u32, u32),
+        mode: BorderMode,
+    ) -> Result<Self> {
         check_homography(m)?;
+        let edges = Edges::new(mode, false)?;
         let size = check_image_size("size", size.0.into(), size.1.into())?;
         let source = check_image_size("source_size", source_size.0.into(), source_size.1.into())?;
         let isa = Isa::active()?;
         let columns = Row::collected((0..size.0 as usize).map(|column| column as f64))?;
-        let table = Table::build((size.1 as usize, size.0 as usize), source, isa, |row, us, vs| {
+        let table = Table::build((size.1 as usize, size.0 as usize), source, edges, isa, |row, us, vs| {
             homography_row(m, row).fill(isa, &columns, us, vs);
             Ok(0..columns.len())
         })?;

@@ -7,7 +7,7 @@ use crate::cpu::Isa;
 use crate::error::Result;
 use crate::kernels::{Kinds, Row, Sampled, quantise_one};
 use crate::parallel::{self, Work};
-use crate::table::{RowEnd, RowSpans, SpanKind, Table, Tap, band_rows, framed};
+use crate::table::{Edges, RowEnd, RowSpans, SpanKind, Table, Tap, band_rows, framed};
 use crate::view::buffer;
 
 /// What memory is asked for, in errors.
@@ -20,7 +20,7 @@ impl RowSpans {
         self.spans.clear();
         // SAFETY: the layout is the same, and `push` writes nothing but taps.
         let room = unsafe { &mut *(std::ptr::from_mut(taps) as *mut [MaybeUninit<Tap>]) };
-        self.push(isa, row, 0..row.us.len(), room, scratch)
+        self.push(isa, row, 0..row.us.len(), Edges::default(), room, scratch)
     }
 
     /// Packs a row, of which only the cells `seen` are looked at, and the others are outside: its spans go to the end of
@@ -31,17 +31,34 @@ impl RowSpans {
         isa: Isa,
         row: Sampled<'_>,
         seen: Range<usize>,
+        edges: Edges,
         taps: &mut [MaybeUninit<Tap>],
         scratch: &mut Kinds,
     ) -> Result<()> {
         let begin = self.taps();
         let taps = &mut taps[begin..begin + row.us.len()];
-        let seen = row.trimmed(seen);
+        let seen = if edges.see_all() { seen } else { row.trimmed(seen) };
         // cells outside that no span holds yet, and those behind the ones that are looked at
         let (mut outside, behind) = (seen.start, row.us.len() - seen.end);
         let row = Sampled { us: &row.us[seen.clone()], vs: &row.vs[seen], ..row };
         let mut kept = 0;
         for (kind, cells) in scratch.quantise(isa, row, taps)? {
+            if edges.see_all() && matches!(kind, SpanKind::Outside | SpanKind::Halo) {
+                for (kind, cells) in beyond(row, cells, edges) {
+                    if kind == SpanKind::Outside {
+                        outside += cells.len();
+                        continue;
+                    }
+                    self.add_spans(SpanKind::Outside, std::mem::take(&mut outside))?;
+                    self.add_spans(kind, cells.len())?;
+                    for cell in cells {
+                        // no tap that is still needed: as many cells as taps lie before this one at most
+                        taps[kept].write(folded_tap(row.us[cell], row.vs[cell], row.source, edges));
+                        kept += 1;
+                    }
+                }
+                continue;
+            }
             if kind == SpanKind::Outside {
                 outside += cells.len();
                 continue;
@@ -77,10 +94,11 @@ impl Table {
     pub(in crate::lut) fn build(
         (rows, columns): (usize, usize),
         source: (u32, u32),
+        edges: Edges,
         isa: Isa,
         fill: impl Fn(usize, &mut [f64], &mut [f64]) -> Result<Range<usize>> + Sync,
     ) -> Result<Self> {
-        let mut table = Self::empty((rows, columns), source)?;
+        let mut table = Self::empty((rows, columns), source, edges)?;
         let threads = Work::table(rows * columns).threads_unasked();
         let band_rows = band_rows(columns);
         let jobs = table.bands_mut().enumerate();
@@ -91,12 +109,45 @@ impl Table {
             spans.ends = buffer::reserved(WHAT, room.len() / columns)?;
             for row in band * band_rows..(band * band_rows + band_rows).min(rows) {
                 let seen = fill(row, &mut us, &mut vs)?;
-                spans.push(isa, Sampled { us: &us, vs: &vs, source }, seen, room, &mut scratch)?;
+                edges.wrap(&mut us[seen.clone()], source.0);
+                spans.push(isa, Sampled { us: &us, vs: &vs, source }, seen, edges, room, &mut scratch)?;
             }
             Ok(())
         })?;
         Ok(table)
     }
+}
+
+/// What neighbouring cells are, none of which has four pixels of the image, of a source that does not end at its edges:
+/// on the rim between its last column and its first, in the halo where the image has the same elsewhere, or outside.
+fn beyond(row: Sampled<'_>, cells: Range<usize>, edges: Edges) -> impl Iterator<Item = (SpanKind, Range<usize>)> {
+    let (width, last_row) = (f64::from(row.source.0), f64::from(row.source.1) - 1.0);
+    let kind = move |cell: usize| {
+        let (u, v) = (row.us[cell], row.vs[cell]);
+        let near = u > -1.0 && u < width && v > -1.0 && v < last_row + 1.0;
+        if edges.wraps && near && (0.0..=last_row).contains(&v) {
+            SpanKind::Rim
+        } else if near || (edges.mode.repeats() && u.is_finite() && v.is_finite()) {
+            SpanKind::Halo
+        } else {
+            SpanKind::Outside
+        }
+    };
+    let (mut next, end) = (cells.start, cells.end);
+    std::iter::from_fn(move || {
+        let first = next;
+        let found = (first < end).then(|| kind(first))?;
+        next += (first..end).take_while(|&cell| kind(cell) == found).count();
+        Some((found, first..next))
+    })
+}
+
+/// The tap of such a cell: where the image has what lies there, at most a pixel outside it.
+fn folded_tap(u: f64, v: f64, (width, height): (u32, u32), edges: Edges) -> Tap {
+    let (mut us, mut vs, [across, down]) = ([u], [v], edges.axes());
+    across.fold(&mut us, width as usize, 1.0);
+    down.fold(&mut vs, height as usize, 1.0);
+    framed_tap(us[0], vs[0], width)
 }
 
 /// The tap of a cell on the rim or in the halo.
@@ -187,9 +238,9 @@ mod tests {
             }
             Ok(0..us.len())
         };
-        let table = Table::build((rows, 100), SOURCE, Isa::Scalar, fill).unwrap();
+        let table = Table::build((rows, 100), SOURCE, Edges::default(), Isa::Scalar, fill).unwrap();
         for &isa in Isa::available() {
-            assert_eq!(Table::build((rows, 100), SOURCE, isa, fill).unwrap(), table);
+            assert_eq!(Table::build((rows, 100), SOURCE, Edges::default(), isa, fill).unwrap(), table);
         }
         let mut kinds = [0; 4];
         for row in 0..rows {
@@ -210,7 +261,7 @@ mod tests {
     fn at_most_twelve_bytes_a_cell_also_where_every_cell_is_a_span_of_its_own() {
         for (rows, columns) in [(1, 200_000), (50_000, 4), (300, 301)] {
             let cells = rows * columns;
-            let table = Table::build((rows, columns), (3, 3), Isa::Scalar, |_, us, vs| {
+            let table = Table::build((rows, columns), (3, 3), Edges::default(), Isa::Scalar, |_, us, vs| {
                 for (column, (u, v)) in us.iter_mut().zip(vs).enumerate() {
                     [*u, *v] = [[0.5, 0.5], [2.5, 2.5]][column % 2];
                 }
@@ -225,7 +276,7 @@ mod tests {
     #[test]
     fn spans_longer_than_their_number_are_several() {
         for columns in [16_382, 16_383, 16_384, 50_000] {
-            let table = Table::build((2, columns), (3, 3), Isa::Scalar, |row, us, vs| {
+            let table = Table::build((2, columns), (3, 3), Edges::default(), Isa::Scalar, |row, us, vs| {
                 us.fill([0.5, f64::NAN][row]);
                 vs.fill(0.5);
                 Ok(0..us.len())

@@ -149,6 +149,12 @@ impl PyCamera {
         self.camera.image_size()
     }
 
+    #[doc = help!("Camera.is_panorama")]
+    #[getter]
+    fn is_panorama(&self) -> bool {
+        self.camera.is_panorama()
+    }
+
     #[doc = help!("Camera.camera_from_vehicle")]
     #[getter]
     fn camera_from_vehicle<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {

@@ -113,7 +113,14 @@ impl Lut {
         let threads = options.threads_for(width * height * grads.len(), channels)?;
         let band_rows = parallel::rows_per_band(height, width, threads);
         let job = Job { width, isa, threads, band_rows };
+        let edges = self.table().edges();
+        if edges.mode.repeats() || edges.wraps {
+            return Err(WarpError::NoAdjoint { got: edges.axes()[0].name() }.into());
+        }
         match options.interpolation {
+            Interpolation::Cubic | Interpolation::Lanczos4 => {
+                Err(WarpError::NoAdjoint { got: options.interpolation.name() }.into())
+            }
             Interpolation::Bilinear => {
                 let table = &self.derived(|table| Ok(OfBilinear(of_table(table, bilinear)?)))?.0;
                 job.run(table, None, grads, outs)

@@ -7,7 +7,7 @@ use crate::error::Result;
 use crate::lut::footprint::Coordinates;
 use crate::table::block::Block;
 use crate::table::block::{LANES, Size};
-use crate::table::{Span, Table};
+use crate::table::{Edges, Span, Table};
 use crate::view::buffer;
 
 /// Footprints of neighbouring cells, an array for each number with an entry for each cell of the row, so that loops over
@@ -33,7 +33,8 @@ impl Footprints {
 
     /// Works out the footprints of a span, whose cells are these, on a source of this width.
     pub(super) fn work_out(&mut self, plan: &RowPlan<'_>, pattern_span: &PatternSpan, cells: Span<'_>, width: u32) {
-        self.at.read_cells(self.isa, cells, width);
+        // all of them have footprints, which are where the map of the grid has them
+        self.at.read_cells(self.isa, cells, width, Edges::default());
         let (blocks, first) = plan.blocks(pattern_span);
         let at = self.at.axes().map(|axis| &axis[1 + first..]);
         let centre = self.centre.each_mut().map(|axis| &mut axis[first..]);

@@ -92,7 +92,7 @@ fn warp<T: Bilinear + Average>(
     let threads = options.threads_for(rows * columns * WORK, channels)?;
     let mut room = ScratchLease::new(plan, channels * size_of::<T>())?;
     for (index, (image, out)) in images.iter().zip(outs).enumerate() {
-        let source = Source::new(image, border_of(border, channels, index));
+        let source = options.source(lut, image, border_of(border, channels, index));
         let levels = Levels::new(plan, image, &mut room, (isa, threads))?;
         let job = Job {
             lut,
@@ -146,7 +146,7 @@ impl<T: Bilinear + Average> Job<'_, T> {
                 let own = span.first..span.first + span.cells;
                 let cells = &mut cells[own.start * channels..own.end * channels];
                 pattern_spans.clear();
-                if span.kind.is_valid() {
+                if self.lut.table().edges().has_footprint(span.kind) {
                     plan.spans(own, &mut pattern_spans)?;
                 }
                 self.span(span, &plan, &pattern_spans, &mut footprints, cells, &mut scratch)?;
@@ -171,6 +171,7 @@ impl<T: Bilinear + Average> Job<'_, T> {
                 self.source.fill_border(cells);
                 return Ok(());
             }
+            SpanKind::Halo if self.source.keeps() => return Ok(()),
             SpanKind::Inside => self.bilinear.inside,
             SpanKind::Rim | SpanKind::Halo => self.bilinear.edge,
         };

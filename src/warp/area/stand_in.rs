@@ -8,6 +8,7 @@ use crate::error::Result;
 use crate::kernels::Average;
 use crate::lut::Lut;
 use crate::parallel::{self, check_interrupt};
+use crate::table::BorderMode;
 use crate::view::F16;
 use crate::view::buffer;
 use crate::view::{ImageView, ImageViewMut, Sample};
@@ -88,10 +89,17 @@ pub(super) fn warp_by_stand_in<T: StandIn>(
         let options = WarpOptions {
             interpolation: options.interpolation,
             border_value: buffer::copied("border_value", &border)?,
+            border_mode: options.border_mode,
             isa: options.isa,
             threads: options.threads,
         };
         let image = ImageView::new(&pixels, size, channels)?;
+        if options.border_mode == Some(BorderMode::Transparent) {
+            // cells that keep what they hold hold it in the stand-in too
+            for (to, from) in averages.chunks_mut(out_size.0 * channels).zip(out.rows()) {
+                convert(isa, from, to, T::into_stand_in);
+            }
+        }
         let mut average = ImageViewMut::new(&mut averages, out_size, channels)?;
         warp(lut, &[image], std::slice::from_mut(&mut average), &border, &options)?;
         for (from, to) in averages.chunks(out_size.0 * channels).zip(out.rows()) {
