@@ -1513,6 +1513,7 @@ class Camera:
         image_size: Sequence[int] | None = None,
         camera_from_vehicle: ArrayLike | None = None,
         vehicle_from_camera: ArrayLike | None = None,
+        inverse_means: Literal["undistorts", "distorts"] | None = None,
     ) -> Camera:
         """Intrinsics of one stream of an Intel RealSense; see `ipm_rs.calibration.realsense.read`.
 
@@ -1522,6 +1523,8 @@ class Camera:
             image_size: (width, height); must agree with the file.
             camera_from_vehicle: (4, 4) pose in either direction; without it the camera looks along +x.
             vehicle_from_camera: the same the other way round; give one of them.
+            inverse_means: what coefficients of "Inverse Brown Conrady" that are not all 0 do: "undistorts", from the image
+                to the ray, or "distorts"; librealsense takes them either way.
 
         Raises:
             CalibrationError: a key is missing or its value cannot be right.

@@ -252,6 +252,7 @@ fn fold<R: Real, const N: usize>(products: &mut [R], samples: usize) {
 }
 
 /// One cell: the weighted sum of the `N x N` pixels around a place, of which (x, y) is the last before it.
+#[expect(clippy::needless_range_loop, reason = "iterators of zips were left as calls in the vectors' functions")]
 #[inline(always)]
 fn cell<T: Wide, const N: usize, const CHANNELS: usize>(
     source: &Source<'_, T>,
@@ -278,20 +279,21 @@ fn cell<T: Wide, const N: usize, const CHANNELS: usize>(
     if CHANNELS != 0 {
         // all samples of a column of the cell's pixels at once
         let mut columns = [T::Real::default(); LANCZOS4 * TOGETHER];
-        for (j, &weight) in down.iter().enumerate() {
-            let row = row(j);
+        let mut sums = [T::Real::default(); LANCZOS4 * TOGETHER];
+        for j in 0..N {
+            let (row, weight) = (row(j), down[j]);
             for i in 0..width {
                 columns[i] = columns[i] + weight * row[i].real();
             }
         }
-        for (i, &weight) in across.iter().enumerate() {
+        for i in 0..N {
             for channel in 0..CHANNELS {
-                columns[i * CHANNELS + channel] = columns[i * CHANNELS + channel] * weight;
+                sums[i * CHANNELS + channel] = columns[i * CHANNELS + channel] * across[i];
             }
         }
-        fold::<_, N>(&mut columns, CHANNELS);
-        for (value, &sum) in values.iter_mut().zip(&columns).take(CHANNELS) {
-            *value = T::nearest(sum);
+        fold::<_, N>(&mut sums, CHANNELS);
+        for channel in 0..CHANNELS {
+            values[channel] = T::nearest(sums[channel]);
         }
         return;
     }

@@ -436,7 +436,7 @@ REFUSALS = [
     ("border too large", "camera.json frame.png -o o.png --border-value 256", "border_value 256"),
     ("border no number", "camera.json frame.png -o o.png --border-value white", "'white'"),
     ("zero threads", "camera.json frame.png -o o.png --threads 0", "--threads at least 1 '0'"),
-    ("unknown interpolation", "camera.json frame.png -o o.png --interpolation cubic", "cubic bilinear nearest"),
+    ("unknown interpolation", "camera.json frame.png -o o.png --interpolation cubist", "cubist bilinear nearest"),
     ("unknown sampling", "camera.json frame.png -o o.png --sample-at edge", "edge center corner"),
     ("unknown option", "camera.json frame.png -o o.png --colour", "--colour --help"),
     ("abbreviated option", "camera.json frame.png -o o.png --res 1", "--res"),

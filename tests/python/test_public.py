@@ -109,6 +109,8 @@ def test_the_api_page_has_every_public_name():
 def test_the_api_page_has_nothing_that_is_not_public():
     for name in documented_on_the_api_page():
         module, _, last = name.rpartition(".")
+        if module == "torch" and not importlib.util.find_spec("torch"):
+            continue  # what is there is held where PyTorch is
         owner = importlib.import_module(f"ipm_rs.{module}".rstrip("."))
         public = last in owner.__all__
         assert public or (not last.startswith("_") and importlib.util.find_spec(f"{owner.__name__}.{last}")), name

@@ -134,7 +134,7 @@ def test_arguments(folder, tmp_path, monkeypatch, here):
     for make, error, phrase in (
         (lambda: Warp(CAMERA), errors.ArgumentTypeError, "expected a Lut, got Camera"),
         (lambda: Warp(LUT, 3), errors.ArgumentTypeError, "column: expected the name"),
-        (lambda: Warp(LUT, interpolation="cubic"), errors.ArgumentError, "interpolation"),
+        (lambda: Warp(LUT, interpolation="cubist"), errors.ArgumentError, "interpolation"),
         (lambda: Warp(LUT, border_value="x"), errors.IpmError, "border_value"),
         (lambda: Warp(LUT, encode=".gif"), errors.ArgumentError, ".png"),
         (lambda: Warp(LUT, level=10), errors.ArgumentError, "0 to 9"),

@@ -158,7 +158,7 @@ def test_image_that_is_no_array(lut, out, image):
 # interpolation
 
 
-@pytest.mark.parametrize("name", ["cubic", "AREA", "median", "NEAREST", "", "linear"])
+@pytest.mark.parametrize("name", ["cubist", "AREA", "median", "NEAREST", "", "linear"])
 def test_unknown_interpolation(lut, out, name):
     with refuses(errors.ArgumentError, "interpolation", "nearest", "bilinear", repr(name)[1:-1], out=out):
         lut.warp(IMAGE, interpolation=name, out=out)

@@ -36,7 +36,6 @@ def write_geotiff(
         import rasterio
         from rasterio.enums import ColorInterp, Resampling
         from rasterio.errors import CRSError, RasterioError
-        from rasterio.transform import from_origin
         from rasterio.windows import Window
     except ImportError as error:
         raise MissingExtraError(
@@ -57,8 +56,8 @@ def write_geotiff(
         "count": channels + 1,
         "dtype": dtype.name,
         "crs": system,
-        "transform": from_origin(
-            origin[0] + first_x * resolution, origin[1] + end_y * resolution, resolution, resolution
+        "transform": rasterio.Affine(
+            resolution, 0.0, origin[0] + first_x * resolution, 0.0, -resolution, origin[1] + end_y * resolution
         ),
         "tiled": True,
         "blockxsize": 256,

@@ -593,7 +593,10 @@ class Mosaic:
         )
 
     def _blend_of(self, blend: Any) -> str:
-        return layer_names("blend", names_of("blend", blend), BLENDS)[0]
+        if not isinstance(blend, str):
+            got = type(blend).__name__
+            raise ArgumentTypeError(f"blend: expected {', '.join(BLENDS)}, got {got}; choose one of them")
+        return layer_names("blend", [blend], BLENDS)[0]
 
     def _picture(self, x: tuple[int, int], y: tuple[int, int], blend: str) -> tuple[NDArray[Any], NDArray[np.bool_]]:
         """Return a picture and its mask of a window in cells."""

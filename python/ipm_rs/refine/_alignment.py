@@ -303,7 +303,7 @@ class Alignment:
         def score(pair: Pair) -> float:
             views, masks = [], []
             for index, motion in ((pair.first, np.eye(4)), (pair.second, pair.motion)):
-                at = pose.at(index)
+                at = pose.at(pair.first if self.of_camera else index)  # the camera's motion carries its road along
                 seen = motion @ at.camera_from_vehicle if self.of_camera else at.camera_from_vehicle @ motion
                 lut = Lut(self.camera.with_pose(seen), self.area, ground=self.ground)
                 views.append(lut.warp(self.greys[index], interpolation="area", threads=1))

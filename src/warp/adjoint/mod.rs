@@ -22,7 +22,7 @@ use crate::parallel;
 use crate::view::{ImageView, ImageViewMut, PointSample, RowsMut, buffer};
 use gather::{Cells, Gather, Interleaved, Pack, Planar, Put};
 use levels::LevelSums;
-use transposed::{Look, Transposed, WHAT, Weight, nearest, of_table};
+use transposed::{Look, LooksOfRow, Transposed, WHAT, Weight, nearest, of_table};
 pub(super) use transposed::{bilinear, existing, top_left};
 
 /// The transpose of bilinear: 8 bytes for each pixel that a cell looks at, 8 for each that some cell does.
@@ -196,6 +196,10 @@ impl Job {
         }
         for (grad, out) in grads.iter().zip(outs) {
             let data = if grad.is_contiguous() { grad.data() } else { self.pack::<1, _>(&[*grad], &mut packed)? };
+            if plan.is_none() {
+                self.all_channels(transposed, data, groups(channels), out)?;
+                continue;
+            }
             for (first, count) in groups(channels) {
                 together!(count, self.channels(table, Cells { data, stride: channels, first }, out))?;
             }
@@ -203,7 +207,38 @@ impl Job {
         Ok(())
     }
 
-    /// Gathers `N` neighbouring channels of an image.
+    /// Gathers all channels of an image row by row, without levels: cells and pixels of a row stay in the caches meanwhile.
+    fn all_channels<T: PointSample, W: Weight>(
+        &self,
+        transposed: &Transposed<W>,
+        data: &[T],
+        groups: impl Iterator<Item = (usize, usize)> + Clone + Sync,
+        out: &mut ImageViewMut<'_, T>,
+    ) -> Result<()> {
+        let (_, _, stride) = out.shape();
+        parallel::for_each(self.threads, out.bands(self.band_rows), |(first, band)| {
+            for (y, row) in (first..).zip(band) {
+                row.fill(T::default());
+                for (first, count) in groups.clone() {
+                    together!(count, self.piece(transposed.row(0, y), Cells { data, stride, first }, row));
+                }
+            }
+            Ok(())
+        })
+    }
+
+    /// Gathers `N` neighbouring channels of a row.
+    fn piece<const N: usize, T: PointSample, W: Weight>(
+        &self,
+        looks: LooksOfRow<'_, W>,
+        cells: Cells<'_, T>,
+        row: &mut [T],
+    ) {
+        let put = Interleaved { row, channels: cells.stride, first: cells.first };
+        cpu::run(self.isa, Gather::<_, _, _, N> { looks, cells, put });
+    }
+
+    /// Gathers `N` neighbouring channels of an image, with levels.
     fn channels<const N: usize, T: PointSample, W: Weight>(
         &self,
         (transposed, plan): (&Transposed<W>, Option<&Plan>),
@@ -214,9 +249,6 @@ impl Job {
         parallel::for_each(self.threads, out.bands(self.band_rows), |(first, band)| {
             let mut sums = rows.buffer()?;
             for (y, row) in (first..).zip(band) {
-                if cells.first == 0 && plan.is_none() {
-                    row.fill(T::default());
-                }
                 rows.fill(y, cells, Interleaved { row, channels: cells.stride, first: cells.first }, &mut sums);
             }
             Ok(())
