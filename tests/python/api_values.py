@@ -81,6 +81,8 @@ OVERLAP = ipm_rs.Rig(
     }
 )
 LIFTED = np.array([[0, 0, 0.0], [0, 0, 0.5], [0, 0, 1], [0, 0, 0.2], [0, 0, 1.2]])
+MARKS = np.array([[(6.0, 1.0, 0.0), (12.0, 1.0, 0.0)], [(6.0, -1.0, 0.0), (12.0, -1.0, 0.0)]])
+STOPS = np.array([[(6.0, 1.0, 0.0), (6.0, -1.0, 0.0)], [(9.0, 1.0, 0.0), (9.0, -1.0, 0.0)]])
 GROUND_POINTS = np.array([[5.0, 1, 0], [6, -1, 0], [9, 2, 0], [12, -2, 0], [8, 0, 0]])
 HOMOGRAPHY = ipm_rs.Homography.from_points(CAMERAS[0].project(GROUND_POINTS)[0], GROUND_POINTS[:, :2])
 RIG_LUTS = [ipm_rs.RigLut(RIG, grid, blend=blend) for grid, blend in zip(GRIDS, ("best", "feather"), strict=False)]
@@ -588,6 +590,35 @@ RECIPES: dict[str, Callable[[Values], tuple[Callable[..., Any], Arguments]]] = {
             "K": np.array([[90.0, 0, 71.5], [0, 90, 55.5], [0, 0, 1]]),
             "heading": 0.1,
             "tolerance": 4.0,
+        },
+    ),
+    "refine.from_lines": lambda v: (
+        refine.from_lines,
+        {
+            "camera": CAMERAS[0],
+            "along": CAMERAS[0].project(MARKS.reshape(-1, 3))[0].reshape(-1, 2, 2),
+            "across": v.rng.choice([None, CAMERAS[0].project(STOPS.reshape(-1, 3))[0].reshape(-1, 2, 2)]),
+            "horizon": v.rng.choice([None, CAMERAS[0].project([(1e6, -1e5, 0), (1e6, 1e5, 0)])[0]]),
+        },
+    ),
+    "refine.height_from_width": lambda v: (
+        refine.height_from_width,
+        {
+            "camera": CAMERAS[0],
+            "left": CAMERAS[0].project(MARKS[0])[0],
+            "right": CAMERAS[0].project(MARKS[1])[0],
+            "width": 2.0,
+            "ground": 0.0,
+        },
+    ),
+    "refine.height_from_travel": lambda v: (
+        refine.height_from_travel,
+        {
+            "camera": CAMERAS[0],
+            "before": CAMERAS[0].project(MARKS[:, 0])[0],
+            "after": CAMERAS[0].project(MARKS[:, 0] - (0.5, 0, 0))[0],
+            "distance": 0.5,
+            "ground": 0.0,
         },
     ),
     "refine.from_overlaps": lambda v: (
