@@ -126,7 +126,7 @@ examples: $(DEV) $(INSTALLED) ## Run every script of examples/; each asserts its
 	@set -e; for script in examples/*.py; do echo "$(PY) $$script"; $(PY) -W error $$script; done
 
 snippets: $(DEV) $(INSTALLED) ## Run the Python blocks of the README and of the documentation
-	$(PY) -W error scripts/run_snippets.py README.md docs/index.md docs/conventions.md docs/area.md docs/geometry.md docs/refine.md docs/depth.md docs/raster.md docs/rig.md docs/mosaic.md docs/doctor.md docs/cpp.md docs/views.md docs/frames.md docs/fields.md docs/from-opencv.md docs/streams.md docs/ray.md docs/gradients.md docs/pytorch.md docs/tasks docs/datasets
+	$(PY) -W error scripts/run_snippets.py README.md docs/index.md docs/conventions.md docs/area.md docs/geometry.md docs/refine.md docs/depth.md docs/raster.md docs/rig.md docs/mosaic.md docs/doctor.md docs/cpp.md docs/views.md docs/frames.md docs/fields.md docs/from-opencv.md docs/streams.md docs/ray.md docs/gradients.md docs/tasks docs/datasets
 
 bench-smoke: $(DEV) $(INSTALLED)
 	$(PY) benches/python/peers.py --quick
