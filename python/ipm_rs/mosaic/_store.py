@@ -15,6 +15,7 @@ import contextlib
 import json
 import os
 import re
+import sys
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -24,11 +25,6 @@ import numpy as np
 from ipm_rs.errors import FileError, MosaicError
 from ipm_rs.files.atomic import as_path, atomically, check_source, reading
 from ipm_rs.mosaic._tiles import Kind, Tile, TileKey
-
-try:
-    import fcntl
-except ImportError:  # Windows
-    fcntl = None  # type: ignore[assignment]
 
 __all__ = ["Store", "cells_of", "check_same"]
 
@@ -249,12 +245,14 @@ def _locked(path: Path) -> int:
             f"{path}: expected to open it, got: {error.strerror or error}; check the permissions"
         ) from error
     try:
-        if fcntl is not None:
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        else:
+        if sys.platform == "win32":
             import msvcrt
 
             msvcrt.locking(descriptor, msvcrt.LK_NBLCK, 1)
+        else:
+            import fcntl
+
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except OSError as error:
         os.close(descriptor)
         raise FileError(

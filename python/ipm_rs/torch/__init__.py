@@ -9,10 +9,12 @@ On the CPU a warp runs in our kernels, and its gradients are exact transposes th
 threads; on any other device it runs in `torch.nn.functional.grid_sample`.
 """
 
+from importlib import import_module as _import_module
+
 from ipm_rs.errors import MissingExtraError
 
 try:
-    import torch as _torch  # noqa: F401
+    _import_module("torch")
 except ImportError as error:
     raise MissingExtraError(
         f'expected PyTorch, found none ({error}); install it with: pip install "ipm-rs[torch]"'

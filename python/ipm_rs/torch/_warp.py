@@ -66,7 +66,8 @@ class Warp(nn.Module):
             raise ArgumentError(f"interpolation: expected one that is linear in the image, {known}, got {got}")
         self._interpolation = interpolation
         self._border = _numbers("border_value", border_value)
-        self._key, self._is_rig = self._table.key, isinstance(lut, RigLut)
+        self._key = self._table.key
+        self._names = list(lut.rig) if isinstance(lut, RigLut) else []
         self._maps: _Maps | None = None
 
     @property
@@ -87,7 +88,7 @@ class Warp(nn.Module):
     def extra_repr(self) -> str:
         """Tell what it is of."""
         rows, columns = self._table.shape
-        cameras = f"{len(self._table.sources)} cameras, " if self._is_rig else ""
+        cameras = f"{len(self._table.sources)} cameras, " if self._names else ""
         return f"{cameras}{rows} x {columns} cells, interpolation={self._interpolation!r}, table={self._key[:12]}"
 
     def forward(self, images: Any) -> Tensor:
@@ -111,7 +112,7 @@ class Warp(nn.Module):
         ImageError, DtypeError, ArgumentError, ArgumentTypeError
             Images of another shape or dtype, or on a device for which there is no such interpolation.
         """
-        if self._is_rig:
+        if self._names:
             return self._of_rig(images)
         if not isinstance(images, Tensor):
             raise ArgumentTypeError(f"images: expected a torch.Tensor, got {type(images).__name__}")
@@ -124,7 +125,7 @@ class Warp(nn.Module):
         return self._on_device([images])
 
     def _of_rig(self, images: Any) -> Tensor:
-        names = list(self._table.lut.rig)  # type: ignore[union-attr]
+        names = self._names
         if isinstance(images, Mapping):
             missing = [name for name in names if name not in images]
             if missing or len(images) != len(names):
