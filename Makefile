@@ -84,7 +84,7 @@ demo: $(INSTALLED) ## Build, then render a synthetic road and its bird's-eye vie
 # How many of pytest's workers run at once; 0 runs all in one process, which a debugger needs.
 WORKERS ?= 2
 
-.PHONY: check test test-source test-wheel lint typecheck test-rust verify-simd test-python fuzz-api examples snippets bench-smoke
+.PHONY: check test test-source test-wheel lint typecheck test-rust test-properties verify-simd test-python fuzz-api examples snippets bench-smoke
 check: lint ## Formatting, lints, unit tests and the fast part of pytest: while working
 	$(CARGO) test $(LOCKED) --quiet --lib
 	$(MAKE) --no-print-directory test-python ARGS='-q -m "not slow"'
@@ -109,8 +109,13 @@ typecheck: $(DEV) $(INSTALLED) ## mypy over the Python sources, and the stubs ag
 
 # Default features only. `cargo test --features python` would link a test program against CPython's symbols, which an
 # extension module leaves to the interpreter that loads it; the binding is tested from Python instead.
+# Properties are tried on the same cases each time, so that a change is refused for what it does, not for what chance
+# finds in what was there; every night others are tried.
 test-rust: ## Rust unit, integration, property and documentation tests
-	$(CARGO) test $(LOCKED)
+	PROPTEST_RNG_SEED=$(or $(SEED),1) $(CARGO) test $(LOCKED)
+
+test-properties: ## Property tests of Rust on other cases than every day: make test-properties SEED=7 CASES=4096
+	PROPTEST_RNG_SEED=$(or $(SEED),$(shell date +%s)) PROPTEST_CASES=$(or $(CASES),2048) $(CARGO) test $(LOCKED) --release
 
 verify-simd: $(WHEEL) ## Disassemble the wheel: every kernel has its instructions, everything else runs on any CPU
 	$(PY) -W error scripts/verify_simd.py dist/ipm_rs-*.whl

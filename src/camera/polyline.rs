@@ -169,7 +169,9 @@ mod tests {
             let dense: Vec<[f64; 2]> = (0..=20_000)
                 .map(|k| camera.project(&(start + (end - start) * (f64::from(k) / 20_000.0))))
                 .filter(|projection| projection.valid).map(|projection| projection.pixel).collect();
-            for &pixel in dense.iter().step_by(7) {
+            // of a line that enters the image by less than the tolerance, a chord may pass outside
+            let well_inside = |p: &[f64; 2]| p[0] >= 0.25 && p[0] <= 638.75 && p[1] >= 0.25 && p[1] <= 478.75;
+            for &pixel in dense.iter().filter(|pixel| well_inside(pixel)).step_by(7) {
                 prop_assert!(distance(&pieces, pixel) < 0.26, "{pixel:?}");
             }
             // every vertex is on the line: its ray passes it
