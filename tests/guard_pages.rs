@@ -5,6 +5,8 @@
 #![cfg(unix)]
 
 mod common;
+#[path = "common/fenced.rs"]
+mod fenced;
 #[path = "common/isas.rs"]
 mod isas;
 
@@ -12,79 +14,12 @@ use std::mem::MaybeUninit;
 use std::ptr;
 use std::sync::atomic::{AtomicPtr, Ordering};
 
+use fenced::{Fenced, GUARDS, Guard};
 use ipm_rs::rig::{Mix, RigLut, RigOptions};
 use ipm_rs::{
     BevGrid, Bilinear, Camera, F16, Ground, ImageView, ImageViewMut, Interpolation, Isa, Pinhole, SampleAt, WarpOptions,
 };
 use isas::{Job, Number, Random, Rows, Walk, compared, noise};
-
-/// On which side the samples touch a page that may not be touched.
-#[derive(Debug, Clone, Copy)]
-enum Guard {
-    Before,
-    After,
-}
-
-const GUARDS: [(Guard, Guard); 4] = [
-    (Guard::After, Guard::After),
-    (Guard::After, Guard::Before),
-    (Guard::Before, Guard::After),
-    (Guard::Before, Guard::Before),
-];
-
-/// Pages between two that may not be touched.
-struct Fenced {
-    start: *mut libc::c_void,
-    page: usize,
-    pages: usize,
-}
-
-impl Fenced {
-    /// Room for so many bytes.
-    fn new(bytes: usize) -> Self {
-        // SAFETY: a question.
-        let page = unsafe { libc::sysconf(libc::_SC_PAGESIZE) } as usize;
-        let pages = bytes.div_ceil(page).max(1);
-        let (access, flags) = (libc::PROT_READ | libc::PROT_WRITE, libc::MAP_PRIVATE | libc::MAP_ANONYMOUS);
-        // SAFETY: a new mapping wherever there is room.
-        let start = unsafe { libc::mmap(ptr::null_mut(), (pages + 2) * page, libc::PROT_NONE, flags, -1, 0) };
-        assert_ne!(start, libc::MAP_FAILED);
-        let fenced = Self { start, page, pages };
-        // SAFETY: the pages between the first and the last of our own mapping.
-        let opened = unsafe { libc::mprotect(fenced.open().cast(), pages * page, access) };
-        assert_eq!(opened, 0);
-        fenced
-    }
-
-    /// The first byte that may be touched.
-    fn open(&self) -> *mut u8 {
-        self.start.cast::<u8>().wrapping_add(self.page)
-    }
-
-    /// So many samples, all zero bits, beside one of the fences.
-    fn samples<T: Number>(&mut self, samples: usize, guard: Guard) -> &mut [T] {
-        let (bytes, room) = (samples * size_of::<T>(), self.pages * self.page);
-        assert!(bytes <= room);
-        let from = match guard {
-            Guard::Before => 0,
-            Guard::After => room - bytes,
-        };
-        // SAFETY: they lie in our own pages, which this borrow keeps; `from` is a multiple of the samples' size, which is
-        // a power of two; any bits are a number.
-        unsafe {
-            let first = self.open().add(from);
-            first.write_bytes(0, bytes);
-            std::slice::from_raw_parts_mut(first.cast(), samples)
-        }
-    }
-}
-
-impl Drop for Fenced {
-    fn drop(&mut self) {
-        // SAFETY: our own mapping, and nobody borrows it any more.
-        unsafe { libc::munmap(self.start, (self.pages + 2) * self.page) };
-    }
-}
 
 /// What is being tried, for the last words of a process that touched a fence: a C string.
 static TRYING: AtomicPtr<libc::c_char> = AtomicPtr::new(ptr::null_mut());
