@@ -94,12 +94,13 @@ test: test-source test-wheel test-python ## Everything that must pass before a c
 
 # Two halves that need nothing of each other: .ci/run has them run at once.
 test-source: lint test-rust docs # target/debug
-test-wheel: verify-simd typecheck examples snippets bench-smoke # target/release and .venv
+test-wheel: verify-simd check-wheel typecheck examples snippets bench-smoke # target/release and .venv
 
 lint: $(DEV) ## Formatting and lints of Rust and Python
 	$(VENV)/bin/ruff check .
 	$(VENV)/bin/ruff format --check .
 	$(CARGO) fmt --check
+	$(CARGO) fmt --manifest-path fuzz/Cargo.toml --check
 	$(CARGO) clippy $(LOCKED) --all-targets -- -D warnings
 	$(CARGO) clippy $(LOCKED) --lib --features python -- -D warnings # tests and benches know nothing of it
 
@@ -136,6 +137,27 @@ snippets: $(DEV) $(INSTALLED) ## Run the Python blocks of the README and of the 
 bench-smoke: $(DEV) $(INSTALLED)
 	$(PY) benches/python/peers.py --quick
 
+# What takes from minutes to hours, and finds what nobody thought of. Nightly Rust where it is; each says what is missing.
+SECONDS ?= 60
+
+.PHONY: test-slow fuzz test-miri test-asan test-memory soak
+test-slow: fuzz test-miri test-asan test-memory soak test-neon test-no-avx ## Fuzzers, Miri, sanitizers, soak, other CPUs: an hour or more
+
+fuzz: ## Every fuzz target in turn: make fuzz SECONDS=600 TARGETS="tables lenses"
+	$(PYTHON) scripts/fuzz.py --seconds $(SECONDS) $(TARGETS)
+
+test-miri: ## Miri: views, tables, threads and the merge of rows, at small sizes
+	$(PYTHON) scripts/test_checked.py miri
+
+test-asan: ## The Rust tests under AddressSanitizer
+	$(PYTHON) scripts/test_checked.py asan
+
+test-memory: $(DEV) $(INSTALLED) ## The fast Python tests with Python's own checks of memory: PYTHONMALLOC=debug, -X dev
+	PYTHONMALLOC=debug $(PY) -X dev -m pytest -q -m "not slow" -p no:cacheprovider -W ignore::ResourceWarning $(ARGS)
+
+soak: $(DEV) $(INSTALLED) ## Threads, forks, signals and changes of the pool under load: make soak SECONDS=1800
+	$(PY) scripts/soak.py --seconds $(SECONDS)
+
 .PHONY: test-neon test-no-avx
 test-neon: ## Cross-compile the Rust tests for aarch64 and run them under qemu; names the packages that it misses
 	$(PYTHON) scripts/test_emulated.py neon
@@ -155,6 +177,23 @@ sdist: $(BUILD) ## Build the source distribution, and a wheel from it as pip wou
 	    echo "the source distribution holds files that make made (above): see 'include' in Cargo.toml" >&2; exit 1; fi
 	CARGO_TARGET_DIR=$(CURDIR)/target CARGO_PROFILE_DEV_DEBUG=none MATURIN_PEP517_ARGS="--profile dev" $(PIP) wheel --quiet --no-deps --wheel-dir target/sdist target/sdist/ipm_rs-*.tar.gz
 	@ls -l target/sdist
+
+# ---------------------------------------------------------------- release
+
+.PHONY: version check-wheel release-dry
+version: ## Set the version everywhere: make version NEW=0.2.0
+	$(PYTHON) scripts/release.py bump $(NEW)
+
+check-wheel: $(WHEEL) ## Contents, licences, size, symbols and oldest C library of the wheel
+	$(PYTHON) scripts/check_licences.py
+	$(PYTHON) scripts/check_wheel.py dist/ipm_rs-*.whl
+
+release-dry: $(BUILD) check-wheel ## What a release does, as far as one machine can: versions, wheel, sdist without a network, crate
+	$(PYTHON) scripts/release.py check
+	rm -rf target/sdist
+	$(PY) -m maturin sdist --out target/sdist
+	$(PYTHON) scripts/build_offline.py target/sdist/ipm_rs-*.tar.gz
+	$(CARGO) publish --dry-run --locked
 
 # ---------------------------------------------------------------- benchmarks, documentation
 
