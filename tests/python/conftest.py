@@ -42,3 +42,11 @@ def seed_grid() -> ipm_rs.BevGrid:
 def seed_lut(seed_camera: ipm_rs.Camera, seed_grid: ipm_rs.BevGrid) -> ipm_rs.Lut:
     """The documents' table: 2048 x 1024 pixels to 860 x 800 cells."""
     return ipm_rs.Lut(seed_camera, seed_grid)
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Say how many tests were left out for want of real data: a green run without it has seen less."""
+    skipped = terminalreporter.stats.get("skipped", [])
+    count = sum("shared/data" in str(report.longrepr) for report in skipped)
+    if count:
+        terminalreporter.write_line(f"{count} tests of real data were left out: there is no ../shared/data here")
