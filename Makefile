@@ -140,11 +140,16 @@ bench-smoke: $(DEV) $(INSTALLED)
 # What takes from minutes to hours, and finds what nobody thought of. Nightly Rust where it is; each says what is missing.
 SECONDS ?= 60
 
-.PHONY: test-slow fuzz test-miri test-asan test-memory soak
-test-slow: fuzz test-miri test-asan test-memory soak test-neon test-no-avx ## Fuzzers, Miri, sanitizers, soak, other CPUs: an hour or more
+.PHONY: test-slow fuzz fuzz-files test-miri test-asan test-memory soak
+test-slow: fuzz fuzz-api fuzz-files test-miri test-asan test-memory soak test-neon test-no-avx ## Fuzzers, Miri, sanitizers, soak, other CPUs: an hour or more
 
 fuzz: ## Every fuzz target in turn: make fuzz SECONDS=600 TARGETS="tables lenses"
 	$(PYTHON) scripts/fuzz.py --seconds $(SECONDS) $(TARGETS)
+
+fuzz-files: $(DEV) $(INSTALLED) ## Damaged calibrations, points, tables, trajectories and maps: make fuzz-files CALLS=100000
+	$(PY) tests/python/calibration_mutations.py $(or $(CALLS),20000) $(or $(SEED),0)
+	$(PY) tests/python/point_mutations.py $(or $(CALLS),20000)
+	$(PY) tests/python/file_mutations.py $(or $(CALLS),20000) $(or $(SEED),0)
 
 test-miri: ## Miri: views, tables, threads and the merge of rows, at small sizes
 	$(PYTHON) scripts/test_checked.py miri

@@ -75,7 +75,7 @@ class Mosaic:
         dtype: Any = None,
         memory: int = 1 << 30,
     ) -> None:
-        self._resolution = number_of("resolution", resolution, low=0.0, high=100.0, what=" of metres a cell")
+        self._resolution = number_of("resolution", resolution, low=1e-6, high=100.0, what=" of metres a cell")
         self._side = whole_of("tile", tile, 64, 4096)
         if self._side % 64:
             raise ArgumentError(f"tile: expected a multiple of 64 cells, got {self._side}; use 512")

@@ -206,6 +206,15 @@ class Store:
             for name, (number, frames) in header["tiles"].items():
                 i, j = name.split("_")
                 self._numbers[int(i), int(j)] = int(number), int(frames)
+            counts = [self.frames, self._size, *(count for pair in self._numbers.values() for count in pair)]
+            channels = 1 if self.kind is None else self.kind.channels
+            # the limits of Mosaic's own arguments
+            good = 1e-6 < self.resolution < 100 and self.side in range(64, 4097, 64) and channels in range(1, 17)
+            if not good or min(counts) < 0:
+                raise FileError(
+                    f"{path}: expected cells, tiles, channels and counts that a mosaic can have, got others; the file "
+                    "is damaged, restore it"
+                )
         if self._size:
             path = self.path / _NAMES
             check_source(path, "the names of a mosaic's frames")

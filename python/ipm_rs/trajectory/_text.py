@@ -202,7 +202,8 @@ def moment(path: Path, number: int, line: str) -> float:
 
 def assembled(origin: str, positions: Array, quaternions: Array) -> Array:
     """Return (N, 4, 4) poses of positions and quaternions, w x y z, whose norms are checked."""
-    norms = np.linalg.norm(quaternions, axis=1)
+    with np.errstate(over="ignore"):  # an infinite norm is refused like any other
+        norms = np.linalg.norm(quaternions, axis=1)
     off = np.flatnonzero(~(np.abs(norms - 1) <= _NORM_TOLERANCE))
     if len(off):
         raise FileError(

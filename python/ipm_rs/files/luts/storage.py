@@ -108,6 +108,7 @@ def _matrix(path: Path, found: re.Match[str]) -> NDArray[Any]:
             "file is damaged, fetch or write it again"
         )
     try:
-        return np.array(words, np.float64).astype(kind).reshape(shape)
+        with np.errstate(over="ignore"):  # what float32 has no number for is infinite, and so nowhere
+            return np.array(words, np.float64).astype(kind).reshape(shape)
     except (ValueError, OverflowError) as error:
         raise LutError(f"{path}: {name}: expected numbers, got: {error!s:.80}; the file is damaged") from error
