@@ -1,7 +1,7 @@
 """The Rust core. Import its names from `ipm_rs`."""
 
 from os import PathLike
-from typing import Any, Literal, Protocol, SupportsIndex, TypeAlias, TypedDict, TypeVar, final, overload
+from typing import Any, BinaryIO, Literal, Protocol, SupportsIndex, TypeAlias, TypedDict, TypeVar, final, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
@@ -2774,14 +2774,21 @@ class Lut:
         camera: Camera | None = None,
         grid: BevGrid | None = None,
         ground: float | Plane | HeightMap | None = None,
-        start: int | None = None,
-        stop: int | None = None,
+    ) -> Lut: ...
+    @classmethod
+    def _read_from(
+        cls,
+        file: BinaryIO,
+        length: int,
+        camera: Camera | None = None,
+        grid: BevGrid | None = None,
+        ground: float | Plane | HeightMap | None = None,
     ) -> Lut: ...
     def __eq__(self, other: object, /) -> bool: ...
     def __ne__(self, other: object, /) -> bool: ...
     def __reduce__(self) -> tuple[Any, tuple[bytes]]: ...
 
-def _checksum(data: bytes, start: int | None = None, stop: int | None = None) -> int: ...
+def _checksum(data: bytes) -> int: ...
 def rotation_from_euler(roll: float, pitch: float, yaw: float) -> NDArray[np.float64]:
     """`Rz(yaw) Ry(pitch) Rx(roll)`: (3, 3) float64, turns vectors of the rotated body into its parent's frame.
 

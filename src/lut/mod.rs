@@ -10,6 +10,8 @@ mod maps;
 mod plausibility;
 mod scene;
 
+use std::io::BufRead;
+
 use crate::camera::Camera;
 use crate::error::{Error, Result, TableError};
 use crate::grid::BevGrid;
@@ -53,7 +55,16 @@ impl Lut {
     /// # Errors
     /// [`TableError::Damaged`], and [`Error::OutOfMemory`](crate::Error::OutOfMemory).
     pub fn from_bytes(bytes: &[u8]) -> Result<Self> {
-        Ok(Self::of_table(Table::from_bytes(bytes)?))
+        Self::read_from(bytes, bytes.len() as u64)
+    }
+
+    /// A table from the next `length` bytes of a file, as [`Lut::from_bytes`]. They are read piece by piece, with no buffer
+    /// for all of them.
+    ///
+    /// # Errors
+    /// Those of [`Lut::from_bytes`], and [`TableError::Unreadable`].
+    pub fn read_from(input: impl BufRead, length: u64) -> Result<Self> {
+        Ok(Self::of_table(Table::read(input, length)?))
     }
 
     /// Rows of the output.

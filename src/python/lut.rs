@@ -301,24 +301,19 @@ impl PyLut {
         Ok((PyArray1::from_vec(py, map_x).reshape(self.shape())?, PyArray1::from_vec(py, map_y).reshape(self.shape())?))
     }
 
-    /// Undoes a pickle, or takes a table of a range of a file's bytes; every bound is proved again.
+    /// Undoes a pickle; every bound is proved again.
     #[classmethod]
-    #[pyo3(name = "_from_bytes", signature = (data, camera = None, grid = None, ground = None, start = None, stop = None))]
+    #[pyo3(name = "_from_bytes", signature = (data, camera = None, grid = None, ground = None))]
     fn from_bytes(
         _cls: &Bound<'_, PyType>,
         data: &Bound<'_, PyAny>,
         camera: Option<PyRef<'_, PyCamera>>,
         grid: Option<PyRef<'_, PyBevGrid>>,
         ground: Option<&Bound<'_, PyAny>>,
-        start: Option<usize>,
-        stop: Option<usize>,
     ) -> PyResult<Self> {
-        let bytes = range_of("Lut", data, start, stop)?;
+        let bytes = bytes_of("Lut", data)?;
         let lut = detached::run(data.py(), || Lut::from_bytes(bytes))?;
-        let Some(grid) = grid else { return Ok(lut.into()) };
-        let mask = camera.as_ref().and_then(|camera| camera.mask.clone());
-        let view = camera.map(|camera| Ok::<_, PyErr>((camera.camera, road(ground)?))).transpose()?;
-        Ok(Self { lut: lut.with_scene(Scene::new(grid.grid, view))?, mask })
+        Self::of_scene(lut, camera, grid, ground)
     }
 
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
@@ -351,6 +346,19 @@ impl Transpose for Lut {
 }
 
 impl PyLut {
+    /// A table beside what it was built from.
+    pub(super) fn of_scene(
+        lut: Lut,
+        camera: Option<PyRef<'_, PyCamera>>,
+        grid: Option<PyRef<'_, PyBevGrid>>,
+        ground: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        let Some(grid) = grid else { return Ok(lut.into()) };
+        let mask = camera.as_ref().and_then(|camera| camera.mask.clone());
+        let view = camera.map(|camera| Ok::<_, PyErr>((camera.camera, road(ground)?))).transpose()?;
+        Ok(Self { lut: lut.with_scene(Scene::new(grid.grid, view))?, mask })
+    }
+
     /// Refuses an image of another size; the commonest reason is another layout.
     fn check_size(&self, image: &ImageArray<'_>) -> PyResult<()> {
         let (width, height) = self.lut.source_size();
@@ -446,24 +454,14 @@ fn new_bytes<'py>(py: Python<'py>, bytes: &[u8]) -> PyResult<Bound<'py, PyBytes>
     })
 }
 
-/// Part of a bytes object, without the copy that a slice is in Python.
+/// What a bytes object holds, which is not copied.
 ///
 /// # Errors
-/// `ArgumentTypeError`: it is no bytes object. `ArgumentError`: it has no such range.
-pub(super) fn range_of<'a>(
-    name: &str,
-    data: &'a Bound<'_, PyAny>,
-    start: Option<usize>,
-    stop: Option<usize>,
-) -> PyResult<&'a [u8]> {
+/// `ArgumentTypeError`: it is no bytes object.
+pub(super) fn bytes_of<'a>(name: &str, data: &'a Bound<'_, PyAny>) -> PyResult<&'a [u8]> {
     let Ok(bytes) = data.cast::<PyBytes>() else {
         let message = format!("{name}: expected the bytes of a table, got {}", type_name(data));
         return Err(ArgumentTypeError::new_err(message));
     };
-    let bytes = bytes.as_bytes();
-    let (start, stop) = (start.unwrap_or(0), stop.unwrap_or(bytes.len()));
-    bytes.get(start..stop).ok_or_else(|| {
-        let length = bytes.len();
-        ArgumentError::new_err(format!("{name}: expected a range of its {length} bytes, got {start} to {stop}"))
-    })
+    Ok(bytes.as_bytes())
 }

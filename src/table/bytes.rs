@@ -4,10 +4,13 @@
 //! (offset `u32`, x `u16`, y `u16`). Where the image does not end at its edges, another magic, and a word more behind the
 //! six numbers: the border mode's place in [`BorderMode::ALL`], 1 if the first column follows the last, and zeros.
 //!
-//! Loading costs the checksum, the proof and the copy: 1.6 ms for the 4.7 MB of 860 x 800 cells, 0.2 of it for XXH3 with
-//! the instructions that every x86-64 has.
+//! A table is read front to back, a span's taps at a time, so that of a file no more than a piece is ever in memory: the
+//! pages of a buffer for 4.7 MB (860 x 800 cells) and its trips to memory cost as much as the proof.
 
+use std::io::BufRead;
 use std::mem::MaybeUninit;
+
+use xxhash_rust::xxh3::{Xxh3, xxh3_64};
 
 use super::{BorderMode, Edges, PackedSpan, RowEnd, RowSpans, SpanKind, Table, Tap, band_rows, unframed};
 use crate::error::{Error, Result, TableError};
@@ -64,41 +67,40 @@ impl Table {
         Ok(bytes)
     }
 
-    /// A table from [`Table::to_bytes`]. Every bound that the kernels rely on is proved again, so that no bytes, however
-    /// damaged or forged, make a warp read outside an image.
-    pub(crate) fn from_bytes(bytes: &[u8]) -> Result<Self> {
-        let (body, plain) = match (bytes.strip_prefix(MAGIC), bytes.strip_prefix(MAGIC_WITH_EDGES)) {
-            (Some(body), _) => (body, true),
-            (_, Some(body)) => (body, false),
+    /// A table from [`Table::to_bytes`], of the next `length` bytes of `input`. Every bound that the kernels rely on is
+    /// proved again, so that no bytes, however damaged or forged, make a warp read outside an image.
+    pub(crate) fn read(input: impl BufRead, length: u64) -> Result<Self> {
+        let mut bytes = Bytes::new(input);
+        let plain = match bytes.take(8)? {
+            magic if magic == MAGIC => true,
+            magic if magic == MAGIC_WITH_EDGES => false,
             _ => return Err(damaged("no table of this version begins so")),
         };
-        let (sum, body) = body.split_first_chunk::<8>().ok_or(damaged("the checksum is cut short"))?;
-        if u64::from_le_bytes(*sum) != checksum(body) {
-            return Err(damaged("its checksum does not fit"));
-        }
-        let (header, body) = body.split_first_chunk::<24>().ok_or(damaged("the header is cut short"))?;
-        let (edges, body) = if plain { (Edges::default(), body) } else { read_edges(body)? };
-        let number = |index: usize| le_u32(&header[4 * index..]);
+        let sum = u64::from_le_bytes(bytes.array()?);
+        bytes.begin_sum();
+        let numbers: [u8; 24] = bytes.array()?;
+        let number = |index: usize| le_u32(&numbers[4 * index..]);
+        let edges = if plain { Edges::default() } else { read_edges(bytes.array()?)? };
         let (rows, columns) = (number(0) as usize, number(1) as usize);
         let source = check_image_size("source_size", number(2).into(), number(3).into())
             .map_err(|_| damaged("its source size is impossible"))?;
-        let (spans, taps) = (number(4) as usize, number(5) as usize);
+        let (spans, taps) = (u64::from(number(4)), u64::from(number(5)));
         if rows == 0 || columns == 0 || are_too_many(rows as f64, columns as f64) {
             return Err(damaged("its shape is impossible"));
         }
         // u64: none of these can overflow, and nothing is allocated before the length is known to be right
-        let before_taps = (HEADER as u64 + 4 * rows as u64 + 2 * spans as u64).next_multiple_of(8) - HEADER as u64;
-        if body.len() as u64 != before_taps + 8 * taps as u64 {
+        let before_padding = HEADER as u64 + if plain { 0 } else { 8 } + 4 * rows as u64 + 2 * spans;
+        let padding = before_padding.next_multiple_of(8) - before_padding;
+        if length != before_padding + padding + 8 * taps {
             return Err(damaged("its length does not fit its header"));
         }
-        let (before_taps, tap_bytes) = body.split_at(before_taps as usize);
-        let (counts, before_taps) = before_taps.split_at(4 * rows);
-        let (span_bytes, padding) = before_taps.split_at(2 * spans);
-        if padding.iter().any(|byte| *byte != 0) {
+        let counts = buffer::copied("Lut", bytes.take(4 * rows)?)?;
+        let all_spans = buffer::copied("Lut", bytes.take((2 * spans) as usize)?)?;
+        if bytes.take(padding as usize)?.iter().any(|byte| *byte != 0) {
             return Err(damaged("there is something between its spans and its taps"));
         }
         let mut table = Table::empty((rows, columns), source, edges)?;
-        let mut reader = Reader { spans: span_bytes, taps: tap_bytes, bounds: Bounds::new(source, edges) };
+        let mut reader = Reader { spans: &all_spans, taps_left: taps, taps: bytes, bounds: Bounds::new(source, edges) };
         for ((band, taps), counts) in table.bands_mut().zip(counts.chunks(4 * band_rows(columns))) {
             let mut next = 0;
             for spans in counts.chunks_exact(4).map(le_u32) {
@@ -108,20 +110,22 @@ impl Table {
                 buffer::push("Lut", &mut band.ends, end)?;
             }
         }
-        if !reader.spans.is_empty() || !reader.taps.is_empty() {
+        if !reader.spans.is_empty() || reader.taps_left > 0 {
             return Err(damaged("its rows do not fit its header"));
+        }
+        if reader.taps.sum() != sum {
+            return Err(damaged("its checksum does not fit"));
         }
         Ok(table)
     }
 }
 
-/// What the source has beyond its pixels, and what follows.
-fn read_edges(body: &[u8]) -> Result<(Edges, &[u8])> {
-    let wrong = damaged("what lies beyond its image is cut short or unknown");
-    let (word, body) = body.split_first_chunk::<8>().ok_or(wrong.clone())?;
-    let [mode, wraps @ (0 | 1), 0, 0, 0, 0, 0, 0] = *word else { return Err(wrong) };
+/// What the source has beyond its pixels.
+fn read_edges(word: [u8; 8]) -> Result<Edges> {
+    let wrong = damaged("what lies beyond its image is unknown");
+    let [mode, wraps @ (0 | 1), 0, 0, 0, 0, 0, 0] = word else { return Err(wrong) };
     match BorderMode::ALL.get(usize::from(mode)) {
-        Some(&mode) if mode != BorderMode::Transparent => Ok((Edges { mode, wraps: wraps == 1 }, body)),
+        Some(&mode) if mode != BorderMode::Transparent => Ok(Edges { mode, wraps: wraps == 1 }),
         _ => Err(wrong),
     }
 }
@@ -130,14 +134,79 @@ fn damaged(problem: &'static str) -> Error {
     Error::Table(TableError::Damaged { problem })
 }
 
-/// What is left of a table's bytes.
-struct Reader<'a> {
+/// Bytes front to back, and the checksum of those from a place on.
+struct Bytes<R> {
+    input: R,
+    /// Bytes of the input's buffer that were handed out, and are done with when others are asked for.
+    handed_out: usize,
+    /// What the input's buffer did not have in one piece.
+    joined: Vec<u8>,
+    sum: Option<Box<Xxh3>>,
+}
+
+impl<R: BufRead> Bytes<R> {
+    fn new(input: R) -> Self {
+        Self { input, handed_out: 0, joined: Vec::new(), sum: None }
+    }
+
+    /// Sums what is taken from here on.
+    fn begin_sum(&mut self) {
+        self.sum = Some(Box::default());
+    }
+
+    fn sum(&self) -> u64 {
+        self.sum.as_ref().map_or(0, |sum| sum.digest())
+    }
+
+    /// The next bytes. Memory is asked for as they come, not for what is promised.
+    fn take(&mut self, count: usize) -> Result<&[u8]> {
+        self.input.consume(std::mem::take(&mut self.handed_out));
+        if count == 0 {
+            return Ok(&[]);
+        }
+        let bytes = if filled(&mut self.input)?.len() >= count {
+            self.handed_out = count;
+            &filled(&mut self.input)?[..count]
+        } else {
+            self.joined.clear();
+            while self.joined.len() < count {
+                let there = filled(&mut self.input)?;
+                if there.is_empty() {
+                    return Err(damaged("it is cut short"));
+                }
+                let part = &there[..there.len().min(count - self.joined.len())];
+                buffer::room_for("Lut", &mut self.joined, part.len())?;
+                self.joined.extend_from_slice(part);
+                let used = part.len();
+                self.input.consume(used);
+            }
+            &self.joined
+        };
+        if let Some(sum) = &mut self.sum {
+            sum.update(bytes);
+        }
+        Ok(bytes)
+    }
+
+    fn array<const N: usize>(&mut self) -> Result<[u8; N]> {
+        self.take(N).map(|bytes| std::array::from_fn(|index| bytes[index]))
+    }
+}
+
+/// What the input has ready, nothing at its end.
+fn filled(input: &mut impl BufRead) -> Result<&[u8]> {
+    input.fill_buf().map_err(|error| Error::Table(TableError::Unreadable { problem: error.to_string() }))
+}
+
+/// What is left of a table's spans and taps.
+struct Reader<'a, R> {
     spans: &'a [u8],
-    taps: &'a [u8],
+    taps_left: u64,
+    taps: Bytes<R>,
     bounds: Bounds,
 }
 
-impl Reader<'_> {
+impl<R: BufRead> Reader<'_, R> {
     /// Takes the next row of so many spans, proves what [`Table`] promises of it, and returns how many taps it has; they go
     /// to the start of `taps`, which has room for one for each cell.
     fn read_row(
@@ -155,7 +224,9 @@ impl Reader<'_> {
             if cells > columns {
                 break;
             }
-            let bytes = take(&mut self.taps, 8 * span.taps()).ok_or(short.clone())?;
+            // what lies behind the table is not its own
+            self.taps_left = self.taps_left.checked_sub(span.taps() as u64).ok_or(short.clone())?;
+            let bytes = self.taps.take(8 * span.taps())?;
             if !self.bounds.allow(span.kind(), &mut taps[kept..][..span.taps()], bytes) {
                 return Err(damaged("a cell samples where its kind cannot"));
             }
@@ -224,7 +295,7 @@ impl Bounds {
 
 /// XXH3-64, which pickles and files of tables are checked with: against damage. Against forgery, every tap is proved.
 pub fn checksum(bytes: &[u8]) -> u64 {
-    xxhash_rust::xxh3::xxh3_64(bytes)
+    xxh3_64(bytes)
 }
 
 fn le_u32(bytes: &[u8]) -> u32 {

@@ -12,6 +12,12 @@ pub enum TableError {
         /// What was found first.
         problem: &'static str,
     },
+    /// A table that could not be read to its end.
+    #[error("Lut: expected to read a table, got: {problem}; check where it is read from")]
+    Unreadable {
+        /// What the reader said.
+        problem: String,
+    },
     /// A table whose cells keep what an output holds, which a table cannot know.
     #[error("border_mode: expected one that says what lies beyond the image, got \"transparent\", which a warp takes")]
     Transparent,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import shutil
 import subprocess
 from pathlib import Path
@@ -80,25 +81,55 @@ def test_every_flipped_bit_and_every_cut_is_refused(tmp_path):
     data = path.read_bytes()
     from ipm_rs.files.luts import native
 
-    assert native.load(path, data, None, None) == lut
+    assert native.load(path, io.BytesIO(data), None, None) == lut
     for bit in range(len(container.MAGIC) * 8, len(data) * 8):
         damaged = bytearray(data)
         damaged[bit // 8] ^= 1 << bit % 8
         with pytest.raises(errors.LutError):
-            native.load(path, bytes(damaged), None, None)
+            native.load(path, io.BytesIO(damaged), None, None)
     for length in range(len(container.MAGIC), len(data)):
         with pytest.raises(errors.LutError, match="cut short"):
-            native.load(path, data[:length], None, None)
+            native.load(path, io.BytesIO(data[:length]), None, None)
     path.write_bytes(data + b"\0")
     with refuses(errors.LutError, "damaged"):
         ipm_rs.Lut.load(path)
 
 
+class Spoiled(io.BytesIO):
+    """A file that does not give what it promised: from a place on it ends, or raises."""
+
+    def __init__(self, data: bytes, end: int, error: BaseException | None = None) -> None:
+        super().__init__(data)
+        self.end, self.error = end, error
+
+    def read(self, count=-1, /):
+        if self.error is not None and self.tell() + count > self.end:
+            raise self.error
+        return super().read(min(count, self.end - self.tell()))
+
+
+def test_files_that_end_or_fail_while_they_are_read(lut):
+    data = lut.__reduce__()[1][0]
+    assert ipm_rs.Lut._read_from(io.BytesIO(data + b"next"), len(data)) == lut
+    for end in (0, 3, 20, 60, len(data) // 2, len(data) - 1):
+        with refuses(errors.LutError, "cut short"):
+            ipm_rs.Lut._read_from(Spoiled(data, end), len(data))
+        with pytest.raises(OSError, match="device is gone"):
+            ipm_rs.Lut._read_from(Spoiled(data, end, OSError("device is gone")), len(data))
+    with pytest.raises(KeyboardInterrupt):
+        ipm_rs.Lut._read_from(Spoiled(data, 0, KeyboardInterrupt()), len(data))
+    for length in (0, len(data) - 1, len(data) + 1, 1 << 60):
+        with refuses(errors.LutError, "damaged"):
+            ipm_rs.Lut._read_from(io.BytesIO(data), length)
+    with pytest.raises(AttributeError, match="read"):
+        ipm_rs.Lut._read_from(3, len(data))
+
+
 def forged(path: Path, **changes: object) -> None:
     """Write the file again with another header and right checksums."""
-    content = container.read(path, path.read_bytes(), "Lut")
+    content = container.read(path, io.BytesIO(path.read_bytes()), "Lut")
     header = {**content.header, **changes}
-    blocks = {name: bytes(content.block(name)) for name in content.ranges}
+    blocks = {name: content.block(name) for name in content.blocks}
     kind = header.pop("kind")
     del header["blocks"], header["written_by"]
     container.write(path, kind, header, blocks)
@@ -128,7 +159,7 @@ def test_newer_files_are_read_if_they_say_so_and_named_if_not(lut, tmp_path):
     data = bytearray(path.read_bytes())
     data[16:18] = (7).to_bytes(2, "little")
     header = int.from_bytes(data[20:24], "little")
-    data[8:16] = _checksum(bytes(data), 16, 32 + header).to_bytes(8, "little")
+    data[8:16] = _checksum(bytes(data[16 : 32 + header])).to_bytes(8, "little")
     path.write_bytes(data)
     assert ipm_rs.Lut.load(path) == lut
     data[18:20] = (2).to_bytes(2, "little")
@@ -161,9 +192,13 @@ def test_files_that_are_no_tables(lut, tmp_path):
 def test_blocks_are_aligned_and_nothing_else_is_in_the_file(lut, tmp_path):
     path = tmp_path / "a.ipmlut"
     container.write(path, "Other", {"note": "x"}, {"one": b"12345", "none": b"", "two": bytes(range(200))})
-    content = container.read(path, path.read_bytes(), "Other")
-    assert [bytes(content.block(name)) for name in content.ranges] == [b"12345", b"", bytes(range(200))]
-    assert all(start % 64 == 0 for start, _ in content.ranges.values()) and content.header["note"] == "x"
+    content = container.read(path, io.BytesIO(path.read_bytes()), "Other", own_checksums=("two",))
+    assert [content.block(name) for name in content.blocks] == [b"12345", b"", bytes(range(200))]
+    assert all(block["start"] % 64 == 0 for block in content.header["blocks"]) and content.header["note"] == "x"
+    file, length = content.open("two")
+    assert (file.read(3), length) == (bytes(range(3)), 200)
+    file, length = content.open("one")
+    assert (file.read(), length) == (b"12345", 5)
     with refuses(errors.LutError, "block 'three'"):
         content.block("three")
 

@@ -419,9 +419,8 @@ class RigLut:
 
         name = as_path(path)
         check_source(name, "a table", "name the file that RigLut.save wrote")
-        with reading(name, "a table"):
-            data = name.read_bytes()
-        return rigs.load(name, data)
+        with reading(name, "a table"), name.open("rb") as file:
+            return rigs.load(name, file)
 
     def _by_name(self, images: Images) -> dict[str, Any]:
         if isinstance(images, Mapping):

@@ -43,12 +43,12 @@ def load(path: str | os.PathLike[str], expect: Any = None, source_size: Any = No
 
     name = as_path(path)
     check_source(name, "a table", "name the file that Lut.save or Lut.export wrote")
-    with reading(name, "a table"):
-        data = name.read_bytes()
-    if data.startswith(container.MAGIC):
-        from ipm_rs.files.luts import native
+    with reading(name, "a table"), name.open("rb") as file:
+        if file.peek(len(container.MAGIC)).startswith(container.MAGIC):
+            from ipm_rs.files.luts import native
 
-        return native.load(name, data, expect, source_size)
+            return native.load(name, file, expect, source_size)
+        data = file.read()
     reader = _foreign(data)
     if reader is None:
         what = "an empty file" if not data else "something else"

@@ -18,19 +18,20 @@ then       the blocks, each from a multiple of 64 on, zeros between them
 ``blocks`` is a list of ``{"name", "start", "length", "xxh3"}`` in the order of the file, the checksum as 16 hexadecimal
 digits. A block that begins at a multiple of 64 is aligned for every number and vector type where the file is mapped to
 memory. We read instead of mapping: a table is proved before it is used, and in a mapped file, other processes could
-change it afterwards.
+change it afterwards. A block that checks itself is read where it is taken apart, piece by piece.
 
 A later version may add keys and blocks without another "oldest version": what a reader does not know it passes over.
 """
 
 from __future__ import annotations
 
+import io
 import json
 import struct
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import ipm_rs._core as core
 from ipm_rs.errors import LutError
@@ -47,29 +48,39 @@ _MOST_BLOCKS = 10_000
 
 @dataclass(frozen=True)
 class Content:
-    """A file whose checksums are right: its header, and where in its bytes each block is."""
+    """A file whose checksums are right: its header and its blocks, but for those that check themselves."""
 
     path: Path
     header: dict[str, Any]
-    data: bytes
-    ranges: dict[str, tuple[int, int]]
+    file: BinaryIO
+    blocks: dict[str, bytes | tuple[int, int]]
 
-    def range(self, name: str) -> tuple[int, int]:
-        """Return where a block begins and ends in `data`.
+    def block(self, name: str) -> bytes:
+        """Return the bytes of a block.
 
         Raises
         ------
         LutError
             There is none of this name.
         """
-        if name not in self.ranges:
-            raise LutError(f"{self.path}: expected a block {name!r}, found none; the file is damaged, write it again")
-        return self.ranges[name]
+        found = self._find(name)
+        if isinstance(found, bytes):
+            return found
+        self.file.seek(found[0])
+        return self.file.read(found[1])
 
-    def block(self, name: str) -> memoryview:
-        """Return the bytes of a block, which are not copied; raises as `range` does."""
-        start, stop = self.range(name)
-        return memoryview(self.data)[start:stop]
+    def open(self, name: str) -> tuple[BinaryIO, int]:
+        """Return the file where a block that checks itself begins, and how long that is; raises as `block` does."""
+        found = self._find(name)
+        if isinstance(found, bytes):
+            return io.BytesIO(found), len(found)
+        self.file.seek(found[0])
+        return self.file, found[1]
+
+    def _find(self, name: str) -> bytes | tuple[int, int]:
+        if name not in self.blocks:
+            raise LutError(f"{self.path}: expected a block {name!r}, found none; the file is damaged, write it again")
+        return self.blocks[name]
 
 
 def write(path: Path, kind: str, header: Mapping[str, Any], blocks: Mapping[str, bytes]) -> None:
@@ -114,41 +125,45 @@ def write(path: Path, kind: str, header: Mapping[str, Any], blocks: Mapping[str,
             written = entry["start"] + len(block)
 
 
-def read(path: Path, data: bytes, kind: str, own_checksums: Collection[str] = ()) -> Content:
+def read(path: Path, file: BinaryIO, kind: str, own_checksums: Collection[str] = ()) -> Content:
     """Take a file apart and check every byte of it.
 
     Parameters
     ----------
     path : Path
-        Where `data` comes from, for messages.
-    data : bytes
-        The whole file, which begins with `MAGIC`.
+        Where `file` is, for messages.
+    file : BinaryIO
+        The file, at its start and open as long as the result is used. It begins with `MAGIC`.
     kind : str
         What it must hold.
     own_checksums : collection of str
-        Blocks whose content brings a checksum of all its bytes, which whoever takes it apart looks at: once is enough
-        (0.2 ms for the 4.7 MB of a table).
+        Blocks whose content brings a checksum of all its bytes, which whoever takes it apart looks at: they are left in
+        the file (`Content.open`).
 
     Raises
     ------
     LutError
         It is cut short or damaged, a newer version wrote it, or it holds something else.
     """
-    if len(data) < _PREFIX.size:
-        raise _cut(path, _PREFIX.size, data)
-    _, checksum, version, oldest, length, total = _PREFIX.unpack_from(data)
+    prefix = file.read(_PREFIX.size)
+    if len(prefix) < _PREFIX.size:
+        raise _cut(path, _PREFIX.size, len(prefix))
+    _, checksum, version, oldest, length, total = _PREFIX.unpack(prefix)
     if oldest > VERSION:
         raise LutError(
             f"{path}: expected a file of version {VERSION} or older, got version {version}, which a newer ipm_rs "
             "wrote; install that, or write the file again"
         )
-    if len(data) < total:
-        raise _cut(path, total, data)
+    there = file.seek(0, io.SEEK_END)
+    file.seek(_PREFIX.size)
+    if there < total:
+        raise _cut(path, total, there)
     end = _PREFIX.size + length
-    if len(data) != total or end > total or core._checksum(data, 16, end) != checksum:
+    text = file.read(length) if end <= total else b""
+    if there != total or end > total or core._checksum(prefix[16:] + text) != checksum:
         raise _damaged(path, "its header")
     try:
-        header = json.loads(data[_PREFIX.size : end])
+        header = json.loads(text)
         found, entries = header["kind"], header["blocks"]
         parts = [
             (str(e["name"]), int(e["start"]), int(e["length"]), int(e["xxh3"], 16)) for e in entries[:_MOST_BLOCKS]
@@ -157,21 +172,26 @@ def read(path: Path, data: bytes, kind: str, own_checksums: Collection[str] = ()
         raise _damaged(path, "its header") from error
     if found != kind:
         raise LutError(f"{path}: expected a {kind}, got a {found!r:.40}; load it as what it is")
-    ranges = {}
+    blocks: dict[str, bytes | tuple[int, int]] = {}
     for name, start, size, expected in parts:
-        if not end <= start < end + _ALIGNED or size < 0 or start + size > total or any(data[end:start]):
+        if not end <= start < end + _ALIGNED or size < 0 or start + size > total or any(file.read(start - end)):
             raise _damaged(path, "its header")
         end = start + size
-        if name not in own_checksums and core._checksum(data, start, end) != expected:
+        if name in own_checksums:
+            blocks[name] = (start, size)
+            file.seek(end)
+            continue
+        block = file.read(size)
+        if core._checksum(block) != expected:
             raise _damaged(path, f"its block {name!r:.40}")
-        ranges[name] = (start, end)
+        blocks[name] = block
     if end != total:
         raise _damaged(path, "its end")
-    return Content(path, header, data, ranges)
+    return Content(path, header, file, blocks)
 
 
-def _cut(path: Path, wanted: int, data: bytes) -> LutError:
-    return LutError(f"{path}: expected {wanted} bytes, got {len(data)}; it is cut short: fetch or write it again")
+def _cut(path: Path, wanted: int, got: int) -> LutError:
+    return LutError(f"{path}: expected {wanted} bytes, got {got}; it is cut short: fetch or write it again")
 
 
 def _damaged(path: Path, what: str) -> LutError:

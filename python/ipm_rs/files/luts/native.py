@@ -18,7 +18,7 @@ import hashlib
 import json
 import math
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 
@@ -37,8 +37,8 @@ def save(lut: Lut, path: Path) -> None:
     container.write(path, "Lut", header, {"table": table, **blocks})
 
 
-def load(path: Path, data: bytes, expect: Any, source_size: Any) -> Lut:
-    """Read a table of the bytes of a file, and hold it against what is expected of it.
+def load(path: Path, file: BinaryIO, expect: Any, source_size: Any) -> Lut:
+    """Read the table of a file that is open at its start, and hold it against what is expected of it.
 
     Raises
     ------
@@ -48,10 +48,10 @@ def load(path: Path, data: bytes, expect: Any, source_size: Any) -> Lut:
         `expect` is neither a Camera, a BevGrid nor several of them, or `source_size` is another than the file's.
     """
     wanted = _wanted(expect)
-    content = container.read(path, data, "Lut", own_checksums=("table",))
+    content = container.read(path, file, "Lut", own_checksums=("table",))
     try:
         camera, grid, ground = scene_of(content)
-        lut = Lut._from_bytes(data, camera, grid, ground, *content.range("table"))
+        lut = Lut._read_from(*content.open("table"), camera, grid, ground)
     except IpmError as error:
         raise LutError(f"{path}: expected a table and its calibration, got: {error}") from error
     for other in wanted:

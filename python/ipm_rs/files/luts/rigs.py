@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 
@@ -50,15 +50,15 @@ def save(lut: RigLut, options: dict[str, Any], dropped: list[str], path: Path) -
     container.write(path, "RigLut", header, blocks)
 
 
-def load(path: Path, data: bytes) -> RigLut:
-    """Build the table of a file's bytes.
+def load(path: Path, file: BinaryIO) -> RigLut:
+    """Build the table of a file that is open at its start.
 
     Raises
     ------
     LutError
         The file is damaged, or none of a `RigLut`.
     """
-    content = container.read(path, data, "RigLut")
+    content = container.read(path, file, "RigLut")
     header = content.header
     try:
         _, grid, ground = scene_of(content)
