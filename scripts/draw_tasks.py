@@ -1,4 +1,4 @@
-"""Draw the pictures of docs/tasks and of the first page from what their blocks make.
+"""Draw the pictures of docs/tasks, of the first page and of those of C++ and Ray from what their blocks make.
 
 python scripts/draw_tasks.py docs/images
 """
@@ -12,6 +12,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import task_files
 from numpy.typing import NDArray
@@ -133,7 +134,35 @@ def training(made: Names) -> Image.Image:
     return side_by_side(*samples)
 
 
-def first(made: Names) -> Image.Image:
+def cpp() -> Image.Image:
+    """Return a photo, the two maps as shades, and what `cv::remap` makes of them: the line of the page's program."""
+    camera, photo = task_files.CAMERA, task_files.photograph(0)
+    lut = ipm_rs.Lut(camera, ipm_rs.BevGrid(x=(4, 24), y=(-6, 6), resolution=0.04))
+    with tempfile.TemporaryDirectory(prefix="ipm_rs-") as work:
+        path = os.path.join(work, "front.yml")
+        lut.export(path)
+        maps = cv2.FileStorage(path, cv2.FILE_STORAGE_READ)
+        map_x, map_y = (maps.getNode(name).mat() for name in ("map_x", "map_y"))
+        maps.release()
+    view = cv2.remap(photo, map_x, map_y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT)
+    shades = []
+    for values, end in ((map_x, camera.image_size[0]), (map_y, camera.image_size[1])):
+        shade = heat(values / end * 255)
+        shade[~lut.mask] = 24
+        shades.append(picture(shade, 400))
+    return side_by_side(picture(photo, 400), *shades, picture(view, 400))
+
+
+def ray() -> Image.Image:
+    """Return what a worker takes and gives back: a partition of frames, and their views."""
+    lut = ipm_rs.Lut(task_files.CAMERA, ipm_rs.BevGrid(x=(4, 24), y=(-6, 6), resolution=0.04))
+    frames = np.stack([task_files.photograph(k) for k in range(task_files.FRAMES)])
+    views = ipm_rs.ray.Warp(lut, interpolation="area")({"image": frames})["bev"]
+    columns = [stacked(picture(frame, 130), picture(view, 260)) for frame, view in zip(frames, views, strict=True)]
+    return side_by_side(*columns)
+
+
+def first() -> Image.Image:
     """Return the picture of the first page: a photo with its metres, and the road from above."""
     camera, grid = task_files.CAMERA, ipm_rs.BevGrid(x=(4, 24), y=(-6, 6), resolution=0.04)
     photo = task_files.photograph(0)
@@ -162,7 +191,8 @@ def main(target: str) -> None:
             sheet = draw(run_blocks(PAGES / f"{page}.md")[1])
             os.chdir(place)
         sheet.save(place / f"{page}.jpg", quality=88)
-    first({}).save(place / "first.jpg", quality=90)
+    for name, sheet in (("first", first()), ("cpp", cpp()), ("ray", ray())):
+        sheet.save(place / f"{name}.jpg", quality=88)
 
 
 if __name__ == "__main__":
