@@ -3,6 +3,15 @@
 //! Each concern's enum lives beside what raises it, in an `error.rs` of its own that uses nothing but `digits.rs`. A
 //! message says what was expected and what came; how to mend it in the words of a language is its binding's to say, see
 //! `python/mend.rs`.
+//!
+//! ```
+//! use ipm_rs::error::{Error, GridError};
+//! use ipm_rs::{BevGrid, SampleAt};
+//!
+//! let error = BevGrid::new((7.0, 50.0), (-10.0, 10.0), (0.3, 0.1), SampleAt::Center).unwrap_err();
+//! assert!(error.to_string().contains("whole")); // 43 m are no whole number of cells of 0.3 m
+//! assert!(matches!(Error::from(error), Error::Grid(GridError::PartialCell { .. })));
+//! ```
 
 pub use crate::camera::error::CameraError;
 pub use crate::camera::lens::error::LensError;

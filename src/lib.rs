@@ -18,6 +18,18 @@
 //!
 //! Frames: vehicle ISO 8855 (x forward, y left, z up, metres), camera optical (x right, y down, z forward), pixel (0, 0)
 //! the centre of the top-left pixel. Transforms are named `dst_from_src`, angles are in radians.
+//!
+//! # Features
+//!
+//! None by default: plain Rust, with `nalgebra`, `rayon` and `bytemuck`. `python` is the binding of the Python package
+//! `ipm-rs`, for `maturin` alone: it builds an extension module, which no Rust program can be linked with.
+//!
+//! Kernels are chosen as the program runs: AVX2 and AVX-512 on x86-64, NEON on aarch64, plain Rust anywhere. All give the same
+//! answer to the last bit. `IPM_RS_ISA` names another one, `IPM_RS_NUM_THREADS` or [`set_num_threads`] the threads.
+//!
+//! # Rust versions
+//!
+//! 1.89 or newer, for AVX-512. It moves in a minor version, to a compiler that is at least six months old.
 
 mod camera;
 pub mod cloud;

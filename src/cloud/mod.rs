@@ -1,4 +1,25 @@
 //! Depth images to points, and points to pixels.
+//!
+//! ```
+//! use ipm_rs::cloud::{DepthOptions, Projections, cloud_from_depth, project_into};
+//! use ipm_rs::view::Strided;
+//! use ipm_rs::{Camera, ImageView, Pinhole};
+//!
+//! # fn main() -> ipm_rs::Result<()> {
+//! let lens = Pinhole::new(40.0, 40.0, 31.5, 23.5, 0.0)?;
+//! let camera = Camera::from_euler(lens, (64, 48), [0.0, 0.0, 1.5], 0.0, 0.2, 0.0)?;
+//! let depth = vec![8.0f32; 64 * 48]; // metres along the optical axis
+//! let view = ImageView::new(&depth, (64, 48), 1)?;
+//! let cloud = cloud_from_depth::<_, f32>(&view, &camera, camera.vehicle_from_camera(), None, &DepthOptions::default())?;
+//! assert_eq!(cloud.points.len(), 64 * 48);
+//! // and back: each point falls on its own pixel
+//! let points = Strided::new(cloud.points.as_flattened(), 3)?;
+//! let (mut uv, mut depth, mut valid) = (vec![[0.0; 2]; 64 * 48], vec![0.0; 64 * 48], vec![false; 64 * 48]);
+//! project_into(&camera, &points, Projections { uv: &mut uv, depth: &mut depth, valid: &mut valid }, None)?;
+//! assert!((uv[100][0] - 36.0).abs() < 1e-4 && (uv[100][1] - 1.0).abs() < 1e-4);
+//! # Ok(())
+//! # }
+//! ```
 
 mod back_project;
 mod carla;

@@ -1,4 +1,21 @@
 //! Rigid transforms, Euler angles and handedness: float64, column vectors, names that read `dst_from_src`.
+//!
+//! ```
+//! use ipm_rs::geometry::{Pose, flip_handedness_pose, rotation_from_euler};
+//! use nalgebra::Vector3;
+//!
+//! # fn main() -> ipm_rs::Result<()> {
+//! // a camera 1.5 m above the origin that looks 0.1 rad down
+//! let vehicle_from_camera = Pose::new(rotation_from_euler(0.0, 0.1, 0.0), Vector3::new(0.0, 0.0, 1.5))?;
+//! let ahead = vehicle_from_camera.transform(&Vector3::new(10.0, 0.0, 0.0));
+//! assert!((ahead.z - (1.5 - 10.0 * 0.1f64.sin())).abs() < 1e-12);
+//! let back = vehicle_from_camera.inverse().transform(&ahead);
+//! assert!((back - Vector3::new(10.0, 0.0, 0.0)).norm() < 1e-12);
+//! // the same pose where y points to the right, as simulators have it
+//! assert_eq!(flip_handedness_pose(&vehicle_from_camera).transform(&Vector3::zeros()).z, 1.5);
+//! # Ok(())
+//! # }
+//! ```
 
 pub(crate) mod error;
 mod euler;

@@ -2,6 +2,33 @@
 //!
 //! A frame is a camera placed in the map. Each tile that it sees well has a table of its own, so an image is sampled once,
 //! from its pixels to the map's cells. What is added depends on the frame and the tile alone.
+//!
+//! ```
+//! use ipm_rs::mosaic::{Frame, Layers, Tile};
+//! use ipm_rs::{BevGrid, Camera, Ground, ImageView, Pinhole, SampleAt};
+//!
+//! # fn main() -> ipm_rs::Result<()> {
+//! const SIDE: usize = 40; // cells of a tile of 10 x 10 m, ahead of the camera
+//! let window = BevGrid::new((2.0, 12.0), (-5.0, 5.0), (0.25, 0.25), SampleAt::Center)?;
+//! let (mut weights, mut totals, mut counts) = (vec![0; SIDE * SIDE], vec![0; SIDE * SIDE], vec![0; SIDE * SIDE]);
+//! let (mut sums, mut squares) = (vec![0; SIDE * SIDE], vec![0; SIDE * SIDE]);
+//! let (mut resolutions, mut bests) = (vec![0; SIDE * SIDE], vec![0u8; SIDE * SIDE]);
+//! let layers = Layers {
+//!     weights: &mut weights, totals: &mut totals, counts: &mut counts, sums: &mut sums, squares: &mut squares,
+//!     resolutions: &mut resolutions, bests: &mut bests,
+//! };
+//! let lens = Pinhole::new(80.0, 80.0, 63.5, 47.5, 0.0)?;
+//! let camera = Camera::from_euler(lens, (128, 96), [0.0, 0.0, 1.5], 0.0, 0.3, 0.0)?;
+//! let (ground, distance) = (Ground::default(), (0.0, 20.0));
+//! let frame = Frame { camera, mask: None, ground: &ground, from: [0.0, 0.0], distance, weight: 1.0 };
+//! let pixels = vec![77u8; 128 * 96];
+//! let image = ImageView::new(&pixels, (128, 96), 1)?;
+//! let counted = frame.add(&image, &window, Tile::new(SIDE, 1, layers)?, (0, 0), None)?;
+//! assert!(counted > 500);
+//! assert!(weights.iter().zip(&totals).all(|(weight, total)| *total == 77 * weight));
+//! # Ok(())
+//! # }
+//! ```
 
 mod accumulate;
 pub(crate) mod error;

@@ -4,6 +4,28 @@
 //! cameras show. Cells of one camera go straight into the output; those of a seam, where
 //! several are mixed, through a little memory that stays in the core's own cache. Weights are integers worked out when
 //! the table is built, so a view depends neither on threads nor on the order of the cameras.
+//!
+//! ```
+//! use ipm_rs::rig::{RigLut, RigOptions};
+//! use ipm_rs::{BevGrid, Camera, Ground, ImageView, Pinhole, SampleAt, WarpOptions};
+//!
+//! # fn main() -> ipm_rs::Result<()> {
+//! let camera = |yaw: f64| {
+//!     let lens = Pinhole::new(40.0, 40.0, 31.5, 23.5, 0.0)?;
+//!     Camera::from_euler(lens, (64, 48), [0.0, 0.0, 1.5], 0.0, 0.4, yaw)
+//! };
+//! let cameras = [("front", camera(0.0)?), ("left", camera(0.9)?)];
+//! let grid = BevGrid::new((-2.0, 8.0), (-4.0, 8.0), (0.25, 0.25), SampleAt::Center)?;
+//! let lut = RigLut::new(&cameras, &grid, &Ground::default(), &RigOptions::default())?;
+//! let frames = [vec![50u8; 64 * 48], vec![90u8; 64 * 48]];
+//! let images = [ImageView::new(&frames[0], (64, 48), 1)?, ImageView::new(&frames[1], (64, 48), 1)?];
+//! let mut bev = vec![0; lut.rows() * lut.columns()];
+//! let mut out = ipm_rs::ImageViewMut::new(&mut bev, (lut.columns(), lut.rows()), 1)?;
+//! lut.warp_into(&images, &mut out, &WarpOptions::default(), &[])?;
+//! assert!(bev.contains(&50) && bev.contains(&90));
+//! # Ok(())
+//! # }
+//! ```
 
 mod adjoint;
 mod compose;

@@ -1,4 +1,16 @@
 //! Memory that others own, seen as images, tables and points: where things lie is checked once, here.
+//!
+//! ```
+//! use ipm_rs::ImageView;
+//!
+//! # fn main() -> ipm_rs::Result<()> {
+//! let buffer: Vec<u8> = (0..40).collect(); // 4 rows of 10 bytes, of which 9 are pixels
+//! let image = ImageView::with_row_stride(&buffer, (3, 4), 3, 0, 10)?;
+//! assert_eq!(image.pixel(2, 1), [16, 17, 18]);
+//! assert!(ImageView::new(&buffer, (7, 4), 3).is_err()); // 84 bytes
+//! # Ok(())
+//! # }
+//! ```
 
 pub(crate) mod buffer;
 pub(crate) mod error;

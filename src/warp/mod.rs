@@ -1,4 +1,22 @@
 //! The backward warp: every output cell takes its value from where the table says.
+//!
+//! ```
+//! use ipm_rs::{ImageView, ImageViewMut, Interpolation, Lut, WarpOptions};
+//!
+//! # fn main() -> ipm_rs::Result<()> {
+//! // four cells of a 3 x 2 image; the last one is nowhere
+//! let lut = Lut::from_maps(&[0.0f32, 1.5, 2.0, 9.0], &[0.0f32, 0.5, 1.0, 9.0], 4, (3, 2))?;
+//! let image = [10u8, 20, 30, 40, 50, 60];
+//! let view = ImageView::new(&image, (3, 2), 1)?;
+//! let mut out = [0; 4];
+//! let options = WarpOptions { border_value: vec![7], ..WarpOptions::default() };
+//! lut.warp_into(&view, &mut ImageViewMut::new(&mut out, (4, 1), 1)?, &options)?;
+//! assert_eq!(out, [10, 40, 60, 7]);
+//! let nearest = WarpOptions { interpolation: Interpolation::Nearest, ..options };
+//! assert_eq!(lut.warp(&view, &nearest)?, [10, 30, 60, 7]); // halves to even
+//! # Ok(())
+//! # }
+//! ```
 
 mod adjoint;
 pub(crate) mod area;
