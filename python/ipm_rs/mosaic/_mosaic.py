@@ -6,35 +6,28 @@ import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, Literal
 
-import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ipm_rs._arguments import array_of, names_of, number_of
-from ipm_rs._core import BevGrid, Camera, HeightMap, Plane, _mosaic_add
+from ipm_rs._arguments import number_of
+from ipm_rs._core import Camera, HeightMap, Plane, _mosaic_add
 from ipm_rs.errors import ArgumentError, ArgumentTypeError, FileError, MosaicError
-from ipm_rs.files.atomic import as_path
 from ipm_rs.mosaic._cache import Tiles
-from ipm_rs.mosaic._checks import dtype_of, each_of, overlap, range_of, whole_of
+from ipm_rs.mosaic._checks import dtype_of, each_of, whole_of
 from ipm_rs.mosaic._frames import checked_pictures
-from ipm_rs.mosaic._placing import Placed, Window, cells_grid, distance_of, ground_in_map, placed, pose_of, windows
+from ipm_rs.mosaic._placing import Placed, Window, distance_of, ground_in_map, placed, pose_of, windows
+from ipm_rs.mosaic._reading import Readable
 from ipm_rs.mosaic._refining import refined
 from ipm_rs.mosaic._store import Store, cells_of, check_same
-from ipm_rs.mosaic._tiles import Kind, TileKey
-from ipm_rs.mosaic._views import BLENDS, LAYERS, layer_names, view_of
+from ipm_rs.mosaic._tiles import Kind
 from ipm_rs.rig import Rig
 
 __all__ = ["Mosaic"]
 
-_MOST_CELLS = 1 << 28
-"""Cells of one window that is read: 16 000 by 16 000."""
-
 _COMMIT = 200
 """Frames from one commit to the next: it rewrites some ten tiles, 10 MB each, which is a part of what adding costs."""
 
-Blend = Literal["refined", "weighted", "best", "mean"]
 
-
-class Mosaic:
+class Mosaic(Readable):
     """A map of the road, of square tiles, which frames of cameras anywhere in it are added to.
 
     The map's axes are those of the poses, x and y level, z up. A cell holds integer sums over all frames that saw it,
@@ -182,47 +175,9 @@ class Mosaic:
         return name in self._names
 
     @property
-    def resolution(self) -> float:
-        """Metres a cell."""
-        return self._resolution
-
-    @property
-    def tile(self) -> int:
-        """Cells along a tile's side."""
-        return self._side
-
-    @property
-    def channels(self) -> int | None:
-        """Channels of the pictures; None before the first one."""
-        return self._asked[0] if self._kind is None else self._kind.channels
-
-    @property
-    def dtype(self) -> np.dtype[Any] | None:
-        """The pictures' dtype; None before the first one."""
-        return self._asked[1] if self._kind is None else self._kind.dtype
-
-    @property
     def frames(self) -> int:
         """How many calls of `add` the map holds."""
         return self._frames
-
-    @property
-    def tiles(self) -> list[TileKey]:
-        """Which tiles there are, in order: (i, j) begins at x = i * tile * resolution and y = j * tile * resolution."""
-        return self._tiles.keys()
-
-    @property
-    def bounds(self) -> tuple[tuple[float, float], tuple[float, float]] | None:
-        """((x min, x max), (y min, y max)) around all tiles, metres; None where there is none."""
-        if not self._tiles.keys():
-            return None
-        grid = self._grid(*self._extent())
-        return grid.x, grid.y
-
-    @property
-    def nbytes(self) -> int:
-        """Bytes of the tiles in memory."""
-        return 0 if self._kind is None else self._tiles.loaded() * self._kind.nbytes
 
     def __repr__(self) -> str:
         tiles = f"{len(self._tiles.keys())} tiles of {self._side} cells"
@@ -434,175 +389,6 @@ class Mosaic:
         if self._uncommitted >= _COMMIT:
             self.commit()
 
-    def window(self, x: Sequence[float] | None = None, y: Sequence[float] | None = None) -> BevGrid:
-        """Return the grid of the map's cells in a range of x and of y, all tiles by default.
-
-        Raises
-        ------
-        GridError
-            A range is not whole cells of the map; the message names the nearest that is.
-        ArgumentError
-            There is no tile yet, and a range is not given.
-        """
-        return self._grid(*self._cells(x, y))
-
-    def image(
-        self, x: Sequence[float] | None = None, y: Sequence[float] | None = None, *, blend: Blend = "refined"
-    ) -> NDArray[Any]:
-        """Return the picture of a window: (rows, columns) or (rows, columns, C) of the map's dtype, 0 where nothing is.
-
-        Row 0 has the largest x and column 0 the largest y, as in a `BevGrid`; `window` gives the grid.
-
-        Parameters
-        ----------
-        x, y : (min, max), optional
-            Metres, whole cells; by default all that there is.
-        blend : {"refined", "weighted", "best", "mean"}
-            "refined": what `refine` made, where it did, else "weighted": all frames that resolve the cell share it,
-            otherwise the best one counts most. "best": the one frame that resolved it best. "mean": all frames alike.
-
-        Raises
-        ------
-        GridError, ArgumentError, ArgumentTypeError
-            As `window`; `blend` is none of these.
-        """
-        return self.layers(x, y, names=(wanted := self._blend_of(blend)))[wanted]
-
-    def layers(
-        self,
-        x: Sequence[float] | None = None,
-        y: Sequence[float] | None = None,
-        *,
-        names: str | Iterable[str] = ("weighted", "count", "std"),
-    ) -> dict[str, NDArray[Any]]:
-        """Return layers of a window by their names.
-
-        ============ ====================================================================================
-        ``weighted`` as `image`, likewise ``refined``, ``best`` and ``mean``
-        ``std``      float32: the standard deviation of the frames' values, which is large where things moved
-        ``count``    uint32: how many frames saw the cell
-        ``density``  float32: pixels a cell, in the worse direction, of the frame that resolved it best; up to 16
-        ``mask``     bool: whether any frame saw it
-        ============ ====================================================================================
-
-        Raises
-        ------
-        GridError, ArgumentError, ArgumentTypeError
-            As `window`; a name is none of these.
-        """
-        wanted = layer_names("names", names_of("names", names), LAYERS)
-        self._check_whole()
-        return self._read(*self._cells(x, y), wanted)
-
-    def _read(self, x: tuple[int, int], y: tuple[int, int], wanted: list[str]) -> dict[str, NDArray[Any]]:
-        """Return layers of a window that is given in cells."""
-        (first_x, end_x), (first_y, end_y) = x, y
-        if self._kind is None:
-            raise ArgumentError("mosaic: expected frames to read a picture of, got none; add some")
-        blank, all_of_it = Kind(1, self._kind.channels, self._kind.dtype).empty(), slice(None)
-        found: dict[str, NDArray[Any]] = {}
-        for name in wanted:
-            pattern = view_of(name, blank, all_of_it, all_of_it)
-            found[name] = np.zeros((end_x - first_x, end_y - first_y, *pattern.shape[2:]), pattern.dtype)
-        side = self._side
-        for i in range(first_x // side, (end_x - 1) // side + 1):
-            for j in range(first_y // side, (end_y - 1) // side + 1):
-                tile = self._tiles.get((i, j), self._kind)
-                if tile is None:
-                    continue
-                rows, into_rows = overlap(i, side, first_x, end_x)
-                columns, into_columns = overlap(j, side, first_y, end_y)
-                for name, layer in found.items():
-                    layer[into_rows, into_columns] = view_of(name, tile, rows, columns)
-        return found
-
-    def export_tiles(self, directory: str | os.PathLike[str], *, blend: Blend = "refined") -> int:
-        """Write the map as picture tiles of 256 pixels, ``<z>/<x>/<y>.png``, and a page that shows them.
-
-        ``index.html`` needs no internet and no program on the server; opened as a file it works as well. x points up.
-        16-bit maps lose their lower byte.
-
-        Returns
-        -------
-        int
-            How many tiles.
-
-        Raises
-        ------
-        FileError
-            The directory cannot be written to.
-        ArgumentError, ArgumentTypeError, MissingExtraError
-            There is nothing to write; `blend` is none of `image`; Pillow is not installed (extra ``cli``).
-        """
-        from ipm_rs.mosaic._slippy import write_tiles
-
-        place, wanted = as_path(directory, "directory"), self._blend_of(blend)
-        (first_x, end_x), (first_y, end_y) = self._cells(None, None)
-
-        def read(top: int, bottom: int, left: int, right: int) -> tuple[NDArray[Any], NDArray[np.bool_]]:
-            return self._picture((end_x - bottom, end_x - top), (end_y - right, end_y - left), wanted)
-
-        return write_tiles(place, read, ((first_x, end_x), (first_y, end_y)), self._resolution)
-
-    def export_geotiff(
-        self,
-        path: str | os.PathLike[str],
-        *,
-        crs: Any,
-        origin: Sequence[float] = (0.0, 0.0),
-        blend: Blend = "refined",
-    ) -> None:
-        """Write the map as a GeoTIFF with overviews: x to the east, y to the north, cells that nobody saw transparent.
-
-        Parameters
-        ----------
-        path : str or path
-            An existing file is replaced once the new one is whole.
-        crs : str or whatever rasterio takes
-            The coordinate system, in metres, such as ``"EPSG:32632"`` (UTM 32 north).
-        origin : (east, north)
-            What is added to the map's coordinates.
-        blend : {"refined", "weighted", "best", "mean"}
-            As in `image`.
-
-        Raises
-        ------
-        FileError
-            It cannot be written.
-        ArgumentError, ArgumentTypeError, MissingExtraError
-            There is nothing to write; an argument is wrong; rasterio is not installed (extra ``geo``).
-        """
-        from ipm_rs.mosaic._geotiff import write_geotiff
-
-        place, wanted = as_path(path), self._blend_of(blend)
-        values = array_of("origin", origin)
-        if values.shape != (2,) or values.dtype.kind not in "iuf" or not np.isfinite(values).all():
-            raise ArgumentError(f"origin: expected two finite numbers (east, north), got shape {values.shape}")
-        bounds = self._cells(None, None)
-        assert self.channels is not None
-        assert self.dtype is not None
-        write_geotiff(
-            place,
-            lambda x, y: self._picture(x, y, wanted),
-            bounds,
-            resolution=self._resolution,
-            channels=self.channels,
-            dtype=self.dtype,
-            crs=crs,
-            origin=(float(values[0]), float(values[1])),
-        )
-
-    def _blend_of(self, blend: Any) -> str:
-        if not isinstance(blend, str):
-            got = type(blend).__name__
-            raise ArgumentTypeError(f"blend: expected {', '.join(BLENDS)}, got {got}; choose one of them")
-        return layer_names("blend", [blend], BLENDS)[0]
-
-    def _picture(self, x: tuple[int, int], y: tuple[int, int], blend: str) -> tuple[NDArray[Any], NDArray[np.bool_]]:
-        """Return a picture and its mask of a window in cells."""
-        layers = self._read(x, y, [blend, "mask"])
-        return layers[blend], layers["mask"]
-
     def _count(self, frames: int, names: Iterable[str]) -> None:
         added = sorted(names)
         self._frames, self._uncommitted = self._frames + frames, self._uncommitted + frames
@@ -617,26 +403,3 @@ class Mosaic:
                 "mosaic: expected a map whose last frame was added whole, got one that was interrupted half-way; build "
                 "it again, or load it from its path as it was at the last commit"
             )
-
-    def _extent(self) -> tuple[tuple[int, int], tuple[int, int]]:
-        keys = np.array(self._tiles.keys())
-        (low_i, low_j), (high_i, high_j) = keys.min(0) * self._side, (keys.max(0) + 1) * self._side
-        return (int(low_i), int(high_i)), (int(low_j), int(high_j))
-
-    def _grid(self, x: tuple[int, int], y: tuple[int, int]) -> BevGrid:
-        return cells_grid(x, y, self._resolution)
-
-    def _cells(self, x: Any, y: Any) -> tuple[tuple[int, int], tuple[int, int]]:
-        """Return the cells of a window: the first and the one behind the last along each axis."""
-        tiles = bool(self._tiles.keys())
-        if (x is None or y is None) and not tiles:
-            raise ArgumentError("x, y: expected ranges, for there is no tile yet, got none; add frames, or give both")
-        extent = self._extent() if tiles else ((0, 1), (0, 1))
-        cells = [range_of(name, given, self._resolution) for name, given in (("x", x), ("y", y))]
-        (first_x, end_x), (first_y, end_y) = (own or whole for own, whole in zip(cells, extent, strict=True))
-        if (end_x - first_x) * (end_y - first_y) > _MOST_CELLS:
-            raise ArgumentError(
-                f"x, y: expected a window of at most {_MOST_CELLS} cells, got {end_x - first_x} x {end_y - first_y}; "
-                "read it in parts"
-            )
-        return (first_x, end_x), (first_y, end_y)
