@@ -337,6 +337,47 @@ def test_wrong_maps_and_windows_are_refused(frames):
         mosaic.merge(None)
 
 
+def of_the_camera(pose):
+    """Poses as KITTI's odometry has them: of the camera, in the axes of the first one."""
+    optical = np.array([[0.0, -1, 0, 0], [0, 0, -1, 0], [1, 0, 0, 0], [0, 0, 0, 1]])
+    return optical @ pose @ np.linalg.inv(optical)
+
+
+def with_z_up(pose):
+    """The same in a map with z up: the camera's own axes."""
+    return pose @ np.linalg.inv(np.array([[0.0, -1, 0, 0], [0, 0, -1, 0], [1, 0, 0, 0], [0, 0, 0, 1]]))
+
+
+def with_y_ahead(pose):
+    return pose @ standing_at(0, yaw=-math.pi / 2)
+
+
+@pytest.mark.parametrize(
+    ("spoiled", "words"),
+    [(of_the_camera, r"m up; give the vehicle's"), (with_z_up, "tilted by 90 deg"), (with_y_ahead, "m along y")],
+)
+def test_poses_of_something_else_are_told_of_once(spoiled, words):
+    mosaic = ipm_rs.Mosaic(0.1, tile=64)
+    lens = camera(position=(1.0, 0.0, 40.0), pitch=1.2)  # far above, so that no frame is refused for its height
+    poses = [spoiled(standing_at(1.1 * number, 0.05 * number)) for number in range(8)]
+    with pytest.warns(ipm_rs.CalibrationWarning, match=words) as told:
+        for pose in poses:
+            mosaic.add(lens, IMAGE, map_from_vehicle=pose, ground=-30.0)
+    assert len(told) == 1
+    assert told[0].filename == __file__
+
+
+def test_drives_that_only_look_odd_are_fine():
+    """Back and forth, uphill, on the spot, another drive far away and higher, a lane change: no warning."""
+    mosaic = ipm_rs.Mosaic(0.1, tile=64)
+    hill = [standing_at(1.5 * number, z=0.4 * number) for number in range(6)]
+    jitter = [standing_at(0.02 * number, 0.3 * (-1) ** number, z=0.3 * number % 2) for number in range(6)]
+    change = [standing_at(2.0 * number, 1.2 * number) for number in range(6)]
+    for pose in [*hill, *hill[::-1], *jitter, standing_at(0, 90, z=400.0), *change]:
+        mosaic.add(camera(), IMAGE, map_from_vehicle=pose, ground="wheels", distance=(2, 4))
+    assert mosaic.frames > 20
+
+
 def test_a_frame_that_sees_nothing_adds_nothing(frames):
     mosaic = mosaic_of(frames[:1])
     before = everything(mosaic)

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, Literal
 
+import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ipm_rs._arguments import number_of
 from ipm_rs._core import Camera, HeightMap, Plane, _mosaic_add
-from ipm_rs.errors import ArgumentError, ArgumentTypeError, FileError, MosaicError
+from ipm_rs.errors import ArgumentError, ArgumentTypeError, CalibrationWarning, FileError, MosaicError
 from ipm_rs.mosaic._cache import Tiles
 from ipm_rs.mosaic._checks import dtype_of, each_of, whole_of
 from ipm_rs.mosaic._frames import checked_pictures
@@ -19,6 +21,7 @@ from ipm_rs.mosaic._reading import Readable
 from ipm_rs.mosaic._refining import refined
 from ipm_rs.mosaic._store import Store, cells_of, check_same
 from ipm_rs.mosaic._tiles import Kind
+from ipm_rs.mosaic.driving import Drive
 from ipm_rs.rig import Rig
 
 __all__ = ["Mosaic"]
@@ -82,6 +85,7 @@ class Mosaic(Readable):
             self._kind = Kind(self._side, self._asked[0], self._asked[1])
         self._frames, self._names, self._new_names = 0, set[str](), list[str]()
         self._uncommitted, self._broken, self._closed = 0, False, False
+        self._drive: Drive | None = Drive()
         store = None if path is None else Store(path)
         if store is not None:
             try:
@@ -241,6 +245,12 @@ class Mosaic(Readable):
             Another argument is wrong. In all of these cases nothing has been added.
         MosaicError
             A tile has as many frames as its sums hold; or an earlier call was interrupted half-way.
+
+        Warns
+        -----
+        CalibrationWarning
+            The vehicle lies on its side, or the drive goes up more than along, or sideways: poses of a camera, or of
+            other axes. Once for each map.
         """
         self._check_whole()
         pose = pose_of(map_from_vehicle)
@@ -258,6 +268,7 @@ class Mosaic(Readable):
         shown = [(picture, placed(picture.camera, pose, road, limits, share)) for picture in pictures]
         if not shown:
             return 0
+        self._watch(pose)
         array = pictures[0].image
         kind = self._kind or Kind(self._side, 1 if array.ndim == 2 else array.shape[2], array.dtype)
         plan = [(picture.image, frame, list(windows(frame, self._resolution, self._side))) for picture, frame in shown]
@@ -388,6 +399,15 @@ class Mosaic(Readable):
         self._count(other._frames, other._names)
         if self._uncommitted >= _COMMIT:
             self.commit()
+
+    def _watch(self, pose: NDArray[np.float64]) -> None:
+        """Warn, once, of poses that hardly are a vehicle's."""
+        if self._drive is not None:
+            self._drive.goes_to(pose)
+            oddity = self._drive.oddity()
+            if oddity is not None:
+                self._drive = None
+                warnings.warn(f"map_from_vehicle: {oddity}", CalibrationWarning, stacklevel=3)
 
     def _count(self, frames: int, names: Iterable[str]) -> None:
         added = sorted(names)
