@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from ipm_rs._arguments import array_of, number_of
 from ipm_rs._core import BevGrid
 from ipm_rs.draw import _style as style
+from ipm_rs.draw._lines import polylines
 from ipm_rs.draw._pixels import rgb_of
 from ipm_rs.errors import ArgumentError, ArgumentTypeError, DtypeError, ImageError
 from ipm_rs.files.images import require_pillow
@@ -35,6 +36,7 @@ def axes(
     *,
     mask: ArrayLike | None = None,
     resolved: ArrayLike | None = None,
+    track: ArrayLike | None = None,
     step: float | None = None,
     scale: float | None = None,
     font_size: float = 16.0,
@@ -52,6 +54,8 @@ def axes(
         Cells where it is False are hatched; `Lut.mask`.
     resolved : (rows, columns) array_like of bool, optional
         Cells where it is False are veiled: what they show lies between two pixels; `Lut.resolved_mask()`.
+    track : (N, 2) array_like, optional
+        Points of a way, metres, drawn as a line: where a vehicle went. Where a point is NaN the line is interrupted.
     step : float, optional
         Metres from one tick to the next; by default as many as there is room for.
     scale : float, optional
@@ -95,8 +99,32 @@ def axes(
     if picture.size != size:
         smaller = size[0] < picture.width or size[1] < picture.height
         picture = picture.resize(size, Image.Resampling.LANCZOS if smaller else Image.Resampling.NEAREST)
+    if track is not None:
+        _draw_track(picture, grid, track)
     page.paste(picture, corner)
     return page
+
+
+def _draw_track(picture: Image, grid: BevGrid, track: ArrayLike) -> None:
+    """Draw a way onto the picture of a grid."""
+    from PIL import ImageDraw
+
+    points = array_of("track", track)
+    if points.ndim != 2 or points.shape[1] != 2 or points.dtype.kind not in "iuf":
+        raise ArgumentTypeError(
+            f"track: expected points (N, 2) in metres, got {points.dtype} of shape {points.shape}; give x and y of each"
+        )
+    width, height = picture.size
+    (x_min, x_max), (y_min, y_max) = grid.x, grid.y
+    across = (y_max - points[:, 1].astype(np.float64)) / (y_max - y_min) * width - 0.5
+    down = (x_max - points[:, 0].astype(np.float64)) / (x_max - x_min) * height - 0.5
+    pixels = np.stack([across, down], axis=1)
+    # Pillow's own coordinates are of 32 bits; nothing that far outside is seen
+    pixels[~(np.abs(pixels) < 1e6).all(axis=1)] = np.nan
+    gaps = np.flatnonzero(np.isnan(pixels[:, 0]))
+    pieces = [piece[~np.isnan(piece[:, 0])] for piece in np.split(pixels, gaps)]
+    line_width = max(2.0, min(width, height) / 200)
+    polylines(ImageDraw.Draw(picture), [piece for piece in pieces if len(piece) > 1], style.ACCENT, line_width)
 
 
 def around(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,17 +11,16 @@ from numpy.typing import ArrayLike, NDArray
 from ipm_rs._arguments import flag_of, number_of
 from ipm_rs._core import BevGrid, Camera, HeightMap, Plane
 from ipm_rs.draw import _style as style
+from ipm_rs.draw._lines import polylines
 from ipm_rs.draw._pixels import rgb_of
 from ipm_rs.errors import ArgumentError, ArgumentTypeError, ImageError
 from ipm_rs.files.images import require_pillow
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
-
     from PIL.Image import Image
     from PIL.ImageDraw import ImageDraw
 
-__all__ = ["overlay", "polylines"]
+__all__ = ["overlay"]
 
 _MOST_LINES = 400
 """Along one axis: more cover the photo."""
@@ -109,17 +108,6 @@ def overlay(
         corners = [(x_min, y_min), (x_min, y_max), (x_max, y_max), (x_max, y_min)]
         polylines(draw, _line(camera, _dense(corners, ground), ground, closed=True), style.ACCENT, width * 2)
     return photo
-
-
-def polylines(draw: ImageDraw, pieces: Iterable[NDArray[Any]], colour: style.Colour, width: float) -> None:
-    """Draw polylines of pixels with a dark rim, so that they are seen on a bright road and on a dark one."""
-    # Pillow cuts fractions off, which would move a line by half a pixel: here a whole number is a pixel's centre
-    flat = [[(round(u), round(v)) for u, v in piece.tolist()] for piece in pieces]
-    thick = max(1, round(width))
-    for points in flat:
-        draw.line(points, fill="#101418", width=thick + 2 * max(1, round(width / 3)), joint="curve")
-    for points in flat:
-        draw.line(points, fill=colour, width=thick, joint="curve")
 
 
 def _spacing(grid: BevGrid, given: float | None) -> float:
