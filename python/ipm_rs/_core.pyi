@@ -34,7 +34,9 @@ __all__ = [
     "_RigTable",
     "_checksum",
     "_mosaic_add",
+    "_mosaic_merge",
     "_mosaic_sees",
+    "_mosaic_shows",
     "__version__",
     "cpu_info",
     "decode_carla_depth",
@@ -3413,6 +3415,16 @@ def set_num_threads(n: SupportsIndex) -> None:
     """
 
 def _mosaic_sees(placed: Any, coarse: BevGrid, finer: float) -> NDArray[np.bool_]: ...
+def _mosaic_shows(
+    placed: Any, image: NDArray[Any], window: BevGrid, least: float, threads: int | None
+) -> tuple[NDArray[Any], NDArray[np.bool_]]: ...
 def _mosaic_add(
-    placed: Any, image: NDArray[Any], window: BevGrid, tile: tuple[Any, ...], at: tuple[int, int], threads: int | None
+    placed: Any,
+    image: NDArray[Any],
+    window: BevGrid,
+    tile: tuple[Any, ...],
+    at: tuple[int, int],
+    labels: bool,
+    threads: int | None,
 ) -> int: ...
+def _mosaic_merge(tile: tuple[Any, ...], keys: NDArray[np.uint32], samples: NDArray[Any]) -> None: ...

@@ -34,7 +34,7 @@ mod accumulate;
 pub(crate) mod error;
 mod tile;
 
-pub use tile::{Layers, Tile, Value};
+pub use tile::{Kept, Layers, Tile, Value};
 
 use crate::camera::Camera;
 use crate::cpu::Isa;
@@ -43,9 +43,9 @@ use crate::grid::BevGrid;
 use crate::ground::Ground;
 use crate::lut::{Lut, Resolution};
 use crate::parallel::{self, Work};
-use crate::view::{ImageMask, ImageView, buffer};
+use crate::view::{ImageMask, ImageView, ImageViewMut, buffer};
 use crate::warp::{Interpolation, WarpOptions};
-use accumulate::{COARSEST, Cells, WHOLE};
+use accumulate::{COARSEST, Cells, ID_BITS, Scratch, WHOLE, Weights};
 
 const WHAT: &str = "mosaic";
 
@@ -64,6 +64,8 @@ pub struct Frame<'a> {
     pub distance: (f64, f64),
     /// How much the frame counts, above 0 and up to 1.
     pub weight: f64,
+    /// What tells it from other frames, where samples are kept; all but 20 bits are left out.
+    pub id: u32,
 }
 
 impl Frame<'_> {
@@ -86,19 +88,44 @@ impl Frame<'_> {
         let mut seen = Lut::new(&self.camera, coarse, self.ground)?.resolved_mask(COARSEST * finer)?;
         // half a diagonal of a coarse cell nearer and farther
         let half = coarse.resolution().0.hypot(coarse.resolution().1) / 2.0;
-        let (near, far) = (self.distance.0 - half, self.distance.1 + half);
-        for (row, seen) in seen.chunks_mut(coarse.columns()).enumerate() {
-            let x = coarse.x_of_row(row as f64) - self.from[0];
-            for (column, seen) in seen.iter_mut().enumerate() {
-                let distance = x.hypot(coarse.y_of_column(column as f64) - self.from[1]);
-                *seen &= distance >= near && distance < far;
-            }
-        }
+        self.keep_within(&mut seen, coarse, (self.distance.0 - half, self.distance.1 + half));
         Ok(seen)
     }
 
+    /// What the frame shows of a window, and where: in cells that it resolves with at least `least` pixels and whose distance
+    /// counts. Averages are those of [`Interpolation::Area`].
+    ///
+    /// # Errors
+    /// Those of [`Lut::new`], [`Lut::warp`] and [`Lut::resolved_mask`].
+    pub fn shows<T: Value>(
+        &self,
+        image: &ImageView<'_, T>,
+        window: &BevGrid,
+        least: f64,
+        threads: Option<usize>,
+    ) -> Result<(Vec<T>, Vec<bool>)> {
+        let lut = self.table(window)?;
+        let options = WarpOptions { interpolation: Interpolation::Area, threads, ..WarpOptions::default() };
+        let values = lut.warp(image, &options)?;
+        let mut seen = lut.resolved_mask(least)?;
+        self.keep_within(&mut seen, window, self.distance);
+        Ok((values, seen))
+    }
+
+    /// Leaves those cells of a grid whose distance is between two.
+    fn keep_within(&self, seen: &mut [bool], grid: &BevGrid, (near, far): (f64, f64)) {
+        for (row, seen) in seen.chunks_mut(grid.columns()).enumerate() {
+            let x = grid.x_of_row(row as f64) - self.from[0];
+            for (column, seen) in seen.iter_mut().enumerate() {
+                let y = grid.y_of_column(column as f64) - self.from[1];
+                let squared = x * x + y * y;
+                *seen &= squared >= near * near.abs() && squared < far * far; // a near one below 0 leaves out nothing
+            }
+        }
+    }
+
     /// Adds what the frame shows of a window of a tile, whose first cell is the tile's cell `at` (row, column). Returns how
-    /// many cells counted. Averages are those of [`Interpolation::Area`].
+    /// many cells counted. Averages are those of [`Interpolation::Area`]; of labels each cell has the most frequent one.
     ///
     /// # Errors
     /// [`MosaicError`], and those of [`Lut::new`] and [`Lut::warp`]; nothing has been added then.
@@ -110,7 +137,8 @@ impl Frame<'_> {
         at: (usize, usize),
         threads: Option<usize>,
     ) -> Result<usize> {
-        let (rows, columns, side, channels) = (window.rows(), window.columns(), tile.side, tile.channels);
+        let (rows, columns, side, kept) = (window.rows(), window.columns(), tile.side, tile.kept);
+        let channels = kept.channels;
         if image.channels() != channels {
             return Err(Error::Mosaic(MosaicError::Channels { expected: channels, got: image.channels() }));
         }
@@ -119,19 +147,41 @@ impl Frame<'_> {
         }
         let lut = self.table(window)?;
         let options = WarpOptions { interpolation: Interpolation::Area, threads, ..WarpOptions::default() };
-        let values = lut.warp(image, &options)?;
-        let threads = Work::bytes(rows * columns * (24 + 32 * channels)).threads(threads)?;
+        let values = if kept.labels {
+            let mut values = buffer::filled(WHAT, rows * columns * channels, T::default())?;
+            let out = ImageViewMut::new(&mut values, (columns, rows), channels)?;
+            lut.warp_many_mode_into(&[*image], &mut [out], &options)?;
+            values
+        } else {
+            lut.warp(image, &options)?
+        };
+        let threads = Work::bytes(rows * columns * (24 + (32 + 4 * kept.samples) * channels)).threads(threads)?;
         let band_rows = parallel::rows_per_band(rows, columns, threads);
         let mut bands = buffer::reserved(WHAT, rows.div_ceil(band_rows))?;
-        let (_, mut left) = tile.layers.split(at.0 * side, channels);
+        let (_, mut left) = tile.layers.split(at.0 * side, kept);
         for first in (0..rows).step_by(band_rows) {
             let count = band_rows.min(rows - first);
-            let (layers, below) = left.split(count * side, channels);
+            let (layers, below) = left.split(count * side, kept);
             bands.push(Band { layers, rows: first..first + count, counted: 0 });
             left = below;
         }
         let whole = ((self.weight * f64::from(WHOLE)).round() as u32).clamp(1, WHOLE);
-        let shared = Shared { frame: self, lut: &lut, window, values: &values, channels, side, column: at.1, whole };
+        let id = 1 + self.id % ((1 << ID_BITS) - 1); // 0 is of no frame
+        let weights = Weights::new(whole)?;
+        let mut y_squared = buffer::reserved(WHAT, columns)?;
+        y_squared.extend((0..columns).map(|column| (window.y_of_column(column as f64) - self.from[1]).powi(2)));
+        let shared = Shared {
+            frame: self,
+            lut: &lut,
+            window,
+            values: &values,
+            kept,
+            side,
+            column: at.1,
+            weights: &weights,
+            y_squared: &y_squared,
+            id,
+        };
         parallel::for_each(threads, bands.iter_mut(), |band: &mut Band<'_, T>| band.add(&shared))?;
         Ok(bands.iter().map(|band| band.counted).sum())
     }
@@ -143,10 +193,13 @@ struct Shared<'a, T> {
     lut: &'a Lut,
     window: &'a BevGrid,
     values: &'a [T],
-    channels: usize,
+    kept: Kept,
     side: usize,
     column: usize,
-    whole: u32,
+    weights: &'a Weights,
+    /// Of each column, how far it is away along y.
+    y_squared: &'a [f64],
+    id: u32,
 }
 
 /// Some rows of a window, and the tile's layers there.
@@ -158,33 +211,31 @@ struct Band<'a, T> {
 
 impl<T: Value> Band<'_, T> {
     fn add(&mut self, shared: &Shared<'_, T>) -> Result<()> {
-        let &Shared { frame, lut, window, values, channels, side, column, whole } = shared;
+        let &Shared { frame, lut, window, values, kept, side, column, weights, y_squared, id } = shared;
         let (isa, columns) = (Isa::active()?, window.columns());
         let mut resolution = Resolution::of(lut)?;
         let mut resolutions = buffer::zeroed::<f32>(WHAT, columns)?;
-        let mut distances = buffer::zeroed::<f64>(WHAT, columns)?;
-        let mut scratch = buffer::filled(WHAT, columns, (0u32, 0u64))?;
+        let mut scratch = Scratch::new(columns)?;
         for (below, row) in self.rows.clone().enumerate() {
             let x = window.x_of_row(row as f64) - frame.from[0];
             for span in lut.table().row(row).filter(|span| span.kind.is_valid()) {
                 let cells = span.first..span.first + span.cells;
                 let resolutions = &mut resolutions[..span.cells];
                 resolution.read(row, cells.clone(), resolutions)?;
-                for (distance, column) in distances.iter_mut().zip(cells.clone()) {
-                    let y = window.y_of_column(column as f64) - frame.from[1];
-                    *distance = x * x + y * y;
-                }
                 let first = below * side + column + span.first;
-                let numbers = (row * columns + cells.start) * channels..(row * columns + cells.end) * channels;
+                let numbers =
+                    (row * columns + cells.start) * kept.channels..(row * columns + cells.end) * kept.channels;
                 self.counted += Cells {
-                    layers: self.layers.cells(first..first + span.cells, channels),
-                    channels,
+                    layers: self.layers.cells(first..first + span.cells, kept),
+                    kept,
                     values: &values[numbers],
                     resolutions,
-                    distances: &distances,
+                    x_squared: x * x,
+                    y_squared: &y_squared[cells],
                     distance: frame.distance,
-                    whole,
-                    scratch: &mut scratch[..span.cells],
+                    weights,
+                    id,
+                    scratch: &mut scratch,
                 }
                 .add(isa);
             }

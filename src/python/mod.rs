@@ -92,7 +92,7 @@ mod core_module {
     #[pymodule_export]
     use super::lut_file::checksum;
     #[pymodule_export]
-    use super::mosaic::{mosaic_add, mosaic_sees};
+    use super::mosaic::{mosaic_add, mosaic_merge, mosaic_sees, mosaic_shows};
     #[pymodule_export]
     use super::raster::rasterize;
     #[pymodule_export]

@@ -432,7 +432,7 @@ def _mosaic_add(v: Values) -> tuple[Callable[..., Any], Arguments]:
         "mask": np.ones((HEIGHT, WIDTH), bool),
         "weight": 0.5,
         "distance": (1.0, 9.0),
-        "gain": 1.5,
+        "gain": v.rng.choice([1.5, {"": 1.5}]),
         "name": "frame",
         "threads": 1,
     }
@@ -486,9 +486,29 @@ RECIPES: dict[str, Callable[[Values], tuple[Callable[..., Any], Arguments]]] = {
     "RigLut.load": lambda v: (ipm_rs.RigLut.load, {"path": v.folder / "ring.ipmlut"}),
     "Mosaic": lambda v: (
         ipm_rs.Mosaic,
-        {"resolution": 0.25, "tile": 64, "channels": 1, "dtype": "uint8", "memory": 1 << 20},
+        {
+            "resolution": 0.25,
+            "tile": 64,
+            "channels": 1,
+            "dtype": "uint8",
+            "samples": v.rng.choice([3, None]),
+            "labels": v.rng.choice([True, False]),
+            "memory": 1 << 20,
+        },
     ),
     "Mosaic.add": _mosaic_add,
+    "Mosaic.gain": lambda v: (
+        MOSAIC.gain,
+        {
+            "camera": CAMERAS[0],
+            "image": np.full((HEIGHT, WIDTH), 9, np.uint8),
+            "map_from_vehicle": np.eye(4),
+            "ground": v.rng.choice([0.0, "wheels"]),
+            "mask": np.ones((HEIGHT, WIDTH), bool),
+            "distance": (1.0, 9.0),
+            "threads": 1,
+        },
+    ),
     "Mosaic.refine": lambda v: (
         _mosaic().refine,
         {
@@ -535,6 +555,7 @@ RECIPES: dict[str, Callable[[Values], tuple[Callable[..., Any], Arguments]]] = {
             "view": textured(*GRIDS[0].shape, 3),
             "grid": GRIDS[0],
             "mask": textured(*GRIDS[0].shape) > 60,
+            "track": v.rng.uniform(0, 20, (5, 2)),
             "step": 2.0,
             "scale": v.rng.choice([None, 5.0]),
             "font_size": 12,

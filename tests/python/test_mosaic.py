@@ -7,24 +7,10 @@ import math
 
 import numpy as np
 import pytest
+from mosaic_drive import HEIGHT, WIDTH, K, camera, standing_at
 
 import ipm_rs
 from ipm_rs.mosaic._placing import placed, windows
-
-WIDTH, HEIGHT = 160, 90
-K = np.array([[120.0, 0, 79.5], [0, 120.0, 44.5], [0, 0, 1]])
-
-
-def camera(**pose):
-    pose = {"position": (1.0, 0.0, 1.4), "pitch": 0.15, **pose}
-    return ipm_rs.Camera.from_euler(K, image_size=(WIDTH, HEIGHT), **pose)
-
-
-def standing_at(x, y=0.0, yaw=0.0, z=0.0):
-    pose = np.eye(4)
-    pose[:3, :3] = ipm_rs.rotation_from_euler(0.0, 0.0, yaw)
-    pose[:3, 3] = x, y, z
-    return pose
 
 
 def road(x, y):
@@ -362,7 +348,7 @@ def test_poses_of_something_else_are_told_of_once(spoiled, words):
     poses = [spoiled(standing_at(1.1 * number, 0.05 * number)) for number in range(8)]
     with pytest.warns(ipm_rs.CalibrationWarning, match=words) as told:
         for pose in poses:
-            mosaic.add(lens, IMAGE, map_from_vehicle=pose, ground=-30.0)
+            mosaic.add(lens, IMAGE, map_from_vehicle=pose, ground=-30.0, distance=(0, 4))
     assert len(told) == 1
     assert told[0].filename == __file__
 

@@ -15,24 +15,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from test_mosaic import HEIGHT, WIDTH, assert_same, camera, everything, standing_at
+from mosaic_drive import LENGTH, add, camera, frame, on_disk
+from test_mosaic import assert_same, everything
 
 import ipm_rs
 from ipm_rs.errors import FileError
-
-LENGTH = 24
-
-
-def frame(number):
-    """A picture of noise and where it was taken: on a drive of some tiles, and back."""
-    image = np.random.default_rng(number).integers(0, 256, (HEIGHT, WIDTH), dtype=np.uint8)
-    return image, standing_at(2.0 * min(number, LENGTH - number), 0.3 * number, 0.1)
-
-
-def add(mosaic, numbers):
-    for number in numbers:
-        image, pose = frame(number)
-        mosaic.add(camera(), image, map_from_vehicle=pose, distance=(1, 9), name=f"frame {number}")
 
 
 @pytest.fixture(scope="module")
@@ -40,10 +27,6 @@ def whole():
     mosaic = ipm_rs.Mosaic(0.1, tile=64)
     add(mosaic, range(LENGTH))
     return mosaic
-
-
-def on_disk(path, **options):
-    return ipm_rs.Mosaic(0.1, tile=64, path=path, memory=0, **options)
 
 
 def files(path):
@@ -112,9 +95,9 @@ def test_what_was_not_committed_is_as_if_it_had_not_been(tmp_path, whole):
 
 
 def test_an_interrupted_frame_is_not_committed(tmp_path, monkeypatch, whole):
-    from ipm_rs.mosaic import _mosaic
+    from ipm_rs.mosaic import _adding
 
-    added = _mosaic._mosaic_add
+    added = _adding._mosaic_add
     calls = itertools.count()
 
     def interrupted(*args):
@@ -122,7 +105,7 @@ def test_an_interrupted_frame_is_not_committed(tmp_path, monkeypatch, whole):
             raise KeyboardInterrupt
         return added(*args)
 
-    monkeypatch.setattr(_mosaic, "_mosaic_add", interrupted)
+    monkeypatch.setattr(_adding, "_mosaic_add", interrupted)
     with pytest.raises(KeyboardInterrupt), on_disk(tmp_path) as mosaic:
         add(mosaic, range(3))
         mosaic.commit()
@@ -137,7 +120,7 @@ def test_an_interrupted_frame_is_not_committed(tmp_path, monkeypatch, whole):
 SCRIPT = """
     import sys
     sys.path.insert(0, {folder!r})
-    from test_mosaic_store import LENGTH, add, on_disk
+    from mosaic_drive import LENGTH, add, on_disk
     mosaic = on_disk({path!r})
     print("open", flush=True)
     for number in range(LENGTH):

@@ -58,8 +58,8 @@ MEMBERS = {
     "Layers": "",
     "Rig": "cameras subset moved to_json save load",
     "RigLut": "rig grid ground shape nbytes mask source weights warp warp_adjoint without gains agreement save load",
-    "Mosaic": "load save commit close resolution tile channels dtype frames tiles bounds nbytes add refine merge "
-    "window image layers export_tiles export_geotiff",
+    "Mosaic": "load save commit close resolution tile channels dtype samples labels frames tiles bounds nbytes add "
+    "gain refine merge window image layers export_tiles export_geotiff",
     "Trajectory": "load timestamps poses max_gap start end covers at",
     "Homography": "from_points from_matrix pixels_from_ground ground_from_pixels",
     "Bowl": "flat radius center height steepest height_at height_map",

@@ -10,7 +10,7 @@ import numpy as np
 from ipm_rs._arguments import array_of, number_of
 from ipm_rs.errors import ArgumentError, ArgumentTypeError, GridError, IpmError
 
-__all__ = ["dtype_of", "each_of", "overlap", "range_of", "whole_of"]
+__all__ = ["bool_of", "dtype_of", "each_of", "overlap", "range_of", "whole_of"]
 
 
 def overlap(index: int, side: int, first: int, end: int) -> tuple[slice, slice]:
@@ -41,6 +41,12 @@ def whole_of(name: str, value: Any, low: int, high: int) -> int:
     if number != round(number) or isinstance(value, bool):
         raise ArgumentError(f"{name}: expected a whole number from {low} to {high}, got {number:g}")
     return round(number)
+
+
+def bool_of(name: str, value: Any) -> bool:
+    if not isinstance(value, (bool, np.bool_)):
+        raise ArgumentTypeError(f"{name}: expected True or False, got {type(value).__name__}")
+    return bool(value)
 
 
 def dtype_of(value: Any) -> np.dtype[Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -9,25 +10,35 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ipm_rs._arguments import array_of
+from ipm_rs._arguments import array_of, number_of
 from ipm_rs._core import Camera
-from ipm_rs.errors import ArgumentTypeError, DtypeError, ImageError
+from ipm_rs.errors import ArgumentError, ArgumentTypeError, DtypeError, ImageError
 from ipm_rs.rig import Rig
 from ipm_rs.rig._cameras import check_names
 
-__all__ = ["Picture", "checked_pictures"]
+__all__ = ["Picture", "Wanted", "checked_pictures", "id_of"]
 
 
 @dataclass(frozen=True)
 class Picture:
-    """A camera with the frame's mask, and what it saw."""
+    """A camera with the frame's mask, its name in the rig, and what it saw."""
 
+    name: str
     camera: Camera
     image: NDArray[Any]
 
 
+@dataclass(frozen=True)
+class Wanted:
+    """What the pictures of a map are like; None where the first one decides."""
+
+    channels: int | None
+    dtype: np.dtype[Any] | None
+    labels: bool = False
+
+
 def checked_pictures(
-    camera: Any, image: Any, mask: Any, channels: int | None, dtype: np.dtype[Any] | None, gain: float
+    camera: Any, image: Any, mask: Any, wanted: Wanted, gain: float | Mapping[str, float]
 ) -> list[Picture]:
     """Return the pictures of a frame, all of one dtype and as many channels.
 
@@ -36,14 +47,17 @@ def checked_pictures(
     ArgumentTypeError, ArgumentError, ImageError, DtypeError
     """
     if isinstance(camera, Camera):
-        given = {"image": (camera, image, mask)}
+        given = {"": (camera, image, mask)}
     elif isinstance(camera, Mapping):
         rig = camera if isinstance(camera, Rig) else Rig(camera)
         given = _of_rig(rig, image, mask)
     else:
         raise ArgumentTypeError(f"camera: expected an ipm_rs.Camera or Rig, got {type(camera).__name__}")
+    gains = _gains_of(gain, list(given), wanted.labels)
+    channels, dtype = wanted.channels, wanted.dtype
     pictures = []
-    for name, (one, picture, shown) in given.items():
+    for key, (one, picture, shown) in given.items():
+        name = f"image[{key!r}]" if key else "image"
         array = _image_of(name, picture, one)
         depth = 1 if array.ndim == 2 else array.shape[2]
         channels, dtype = channels or depth, dtype or array.dtype
@@ -51,8 +65,27 @@ def checked_pictures(
             raise DtypeError(f"{name}: expected {dtype}, as the map has, got {array.dtype}; convert it")
         if depth != channels:
             raise ImageError(f"{name}: expected {channels} channels, as the map has, got {depth}; convert it")
-        pictures.append(Picture(one if shown is None else one.masked(shown), _brightened(array, gain)))
+        pictures.append(Picture(key, one if shown is None else one.masked(shown), _brightened(array, gains[key])))
     return pictures
+
+
+def id_of(name: str | None, picture: Picture, map_from_vehicle: NDArray[np.float64]) -> int:
+    """Return what tells a picture from those of other frames: by the frame's name, else by what and where it is."""
+    if name is not None:
+        return zlib.crc32(f"{name}\0{picture.name}".encode("utf-8", "surrogatepass"))
+    return zlib.crc32(picture.image.tobytes(), zlib.crc32(map_from_vehicle.tobytes()))
+
+
+def _gains_of(gain: Any, names: list[str], labels: bool) -> dict[str, float]:
+    each = gain if isinstance(gain, Mapping) else dict.fromkeys(names, gain)
+    lacking = [name for name in names if name not in each]
+    if lacking:
+        where = f"camera {lacking[0]!r}" if lacking[0] else "one camera, a number"
+        raise ArgumentError(f"gain: expected one for {where}, got none; give a number for all, or one for each picture")
+    found = {name: number_of("gain", each[name], low=0.0, high=16.0 + 1e-9) for name in names}
+    if labels and any(value != 1 for value in found.values()):
+        raise ArgumentError("gain: expected 1 of labels, which have no brightness, got another number; leave it out")
+    return found
 
 
 def _of_rig(rig: Rig, images: Any, masks: Any) -> dict[str, tuple[Camera, Any, Any]]:
@@ -64,9 +97,7 @@ def _of_rig(rig: Rig, images: Any, masks: Any) -> dict[str, tuple[Camera, Any, A
     check_names(rig, "mask", masks or ())
     shown = {} if masks is None else masks
     return {
-        f"image[{name!r}]": (camera, images[name], shown.get(name))
-        for name, camera in rig.items()
-        if images.get(name) is not None
+        name: (camera, images[name], shown.get(name)) for name, camera in rig.items() if images.get(name) is not None
     }
 
 

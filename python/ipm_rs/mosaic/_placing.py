@@ -29,13 +29,14 @@ Ground = float | Plane | HeightMap
 
 @dataclass(frozen=True)
 class Placed:
-    """A camera in the map, as the core takes it."""
+    """A camera in the map, as the core takes it; `id` tells the frame from others where samples are kept."""
 
     camera: Camera
     ground: Ground
     at: tuple[float, float]
     distance: tuple[float, float]
     weight: float
+    id: int = 0
 
 
 @dataclass(frozen=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from typing import Any, Literal
 
 import numpy as np
@@ -16,15 +17,19 @@ from ipm_rs.files.atomic import as_path
 from ipm_rs.mosaic._cache import Tiles
 from ipm_rs.mosaic._checks import overlap, range_of
 from ipm_rs.mosaic._placing import cells_grid
+from ipm_rs.mosaic._samples import feathered
 from ipm_rs.mosaic._tiles import Kind, TileKey
-from ipm_rs.mosaic._views import BLENDS, LAYERS, layer_names, view_of
+from ipm_rs.mosaic._views import BLENDS, LAYERS, check_kept, layer_names, view_of
 
 __all__ = ["Blend", "Readable"]
+
+_FEATHER = 0.5
+"""Metres across which seams of "feathered" are mixed, as a ring's."""
 
 _MOST_CELLS = 1 << 28
 """Cells of one window that is read: 16 000 by 16 000."""
 
-Blend = Literal["refined", "weighted", "best", "mean"]
+Blend = Literal["refined", "weighted", "best", "mean", "robust", "feathered", "labels"]
 
 
 class Readable:
@@ -33,6 +38,8 @@ class Readable:
     _resolution: float
     _side: int
     _asked: tuple[int | None, np.dtype[Any] | None]
+    _samples: int
+    _labels: bool
     _kind: Kind | None
     _tiles: Tiles
 
@@ -59,6 +66,16 @@ class Readable:
     def dtype(self) -> np.dtype[Any] | None:
         """The pictures' dtype; None before the first one."""
         return self._asked[1] if self._kind is None else self._kind.dtype
+
+    @property
+    def samples(self) -> int:
+        """Of how many frames, those that resolve it best, a cell keeps the values."""
+        return self._samples
+
+    @property
+    def labels(self) -> bool:
+        """Whether it is a map of labels."""
+        return self._labels
 
     @property
     def tiles(self) -> list[TileKey]:
@@ -91,7 +108,7 @@ class Readable:
         return self._grid(*self._cells(x, y))
 
     def image(
-        self, x: Sequence[float] | None = None, y: Sequence[float] | None = None, *, blend: Blend = "refined"
+        self, x: Sequence[float] | None = None, y: Sequence[float] | None = None, *, blend: Blend | None = None
     ) -> NDArray[Any]:
         """Return the picture of a window: (rows, columns) or (rows, columns, C) of the map's dtype, 0 where nothing is.
 
@@ -101,14 +118,19 @@ class Readable:
         ----------
         x, y : (min, max), optional
             Metres, whole cells; by default all that there is.
-        blend : {"refined", "weighted", "best", "mean"}
-            "refined": what `refine` made, where it did, else "weighted": all frames that resolve the cell share it,
-            otherwise the best one counts most. "best": the one frame that resolved it best. "mean": all frames alike.
+        blend : {"refined", "weighted", "best", "mean", "robust", "feathered", "labels"}
+            "refined", the default of pictures: what `refine` made, where it did, else "weighted": all frames that
+            resolve the cell share it, otherwise the best one counts most. "best": the one frame that resolved it best.
+            "mean": all frames alike. Of a map that keeps samples, "robust": as "weighted", of the samples that agree
+            with most, so that what stood there for few frames is not seen; and "feathered": "best" with frames mixed
+            along seams, across half a metre. "labels", of a map of labels and its default: the label with most votes.
 
         Raises
         ------
         GridError, ArgumentError, ArgumentTypeError
             As `window`; `blend` is none of these.
+        MosaicError
+            The map does not keep what `blend` is made of.
         """
         return self.layers(x, y, names=(wanted := self._blend_of(blend)))[wanted]
 
@@ -117,24 +139,28 @@ class Readable:
         x: Sequence[float] | None = None,
         y: Sequence[float] | None = None,
         *,
-        names: str | Iterable[str] = ("weighted", "count", "std"),
+        names: str | Iterable[str] | None = None,
     ) -> dict[str, NDArray[Any]]:
-        """Return layers of a window by their names.
+        """Return layers of a window by their names; by default the view, the count and, of pictures, the deviation.
 
-        ============ ====================================================================================
-        ``weighted`` as `image`, likewise ``refined``, ``best`` and ``mean``
-        ``std``      float32: the standard deviation of the frames' values, which is large where things moved
-        ``count``    uint32: how many frames saw the cell
-        ``density``  float32: pixels a cell, in the worse direction, of the frame that resolved it best; up to 16
-        ``mask``     bool: whether any frame saw it
-        ============ ====================================================================================
+        ============= ====================================================================================
+        ``weighted``  as `image`, likewise its other words
+        ``std``       float32: the standard deviation of the frames' values, which is large where things moved
+        ``count``     uint32: how many frames saw the cell
+        ``density``   float32: pixels a cell, in the worse direction, of the frame that resolved it best; up to 16
+        ``mask``      bool: whether any frame saw it
+        ``agreement`` float32, of labels: the share of the votes that the label has
+        ============= ====================================================================================
 
         Raises
         ------
         GridError, ArgumentError, ArgumentTypeError
             As `window`; a name is none of these.
+        MosaicError
+            The map does not keep what a layer is made of.
         """
-        wanted = layer_names("names", names_of("names", names), LAYERS)
+        own = ("labels", "count") if self._labels else ("weighted", "count", "std")
+        wanted = layer_names("names", names_of("names", own if names is None else names), LAYERS)
         self._check_whole()
         return self._read(*self._cells(x, y), wanted)
 
@@ -143,7 +169,8 @@ class Readable:
         (first_x, end_x), (first_y, end_y) = x, y
         if self._kind is None:
             raise ArgumentError("mosaic: expected frames to read a picture of, got none; add some")
-        blank, all_of_it = Kind(1, self._kind.channels, self._kind.dtype).empty(), slice(None)
+        check_kept(wanted, self._kind)
+        blank, all_of_it = replace(self._kind, side=1).empty(), slice(None)
         found: dict[str, NDArray[Any]] = {}
         for name in wanted:
             pattern = view_of(name, blank, all_of_it, all_of_it)
@@ -157,10 +184,32 @@ class Readable:
                 rows, into_rows = overlap(i, side, first_x, end_x)
                 columns, into_columns = overlap(j, side, first_y, end_y)
                 for name, layer in found.items():
-                    layer[into_rows, into_columns] = view_of(name, tile, rows, columns)
+                    if name != "feathered":
+                        layer[into_rows, into_columns] = view_of(name, tile, rows, columns)
+                        continue
+                    part = (max(first_x, i * side), min(end_x, (i + 1) * side))
+                    mixed = self._feathered(part, (max(first_y, j * side), min(end_y, (j + 1) * side)))
+                    layer[into_rows, into_columns] = mixed[..., 0] if layer.ndim == 2 else mixed
         return found
 
-    def export_tiles(self, directory: str | os.PathLike[str], *, blend: Blend = "refined") -> int:
+    def _feathered(self, x: tuple[int, int], y: tuple[int, int]) -> NDArray[Any]:
+        """Return a window in cells whose seams are mixed, whatever tiles they and their neighbours lie in."""
+        assert self._kind is not None
+        radius, side = max(1, round(_FEATHER / 2 / self._resolution)), self._side
+        x, y = ((first - radius, end + radius) for first, end in (x, y))
+        blank = replace(self._kind, side=1).empty().arrays
+        shape = x[1] - x[0], y[1] - y[0]
+        keys, samples = (np.zeros((*shape, *layer.shape[2:]), layer.dtype) for layer in (blank.keys, blank.samples))
+        for i in range(x[0] // side, (x[1] - 1) // side + 1):
+            for j in range(y[0] // side, (y[1] - 1) // side + 1):
+                tile = self._tiles.get((i, j), self._kind)
+                if tile is not None:
+                    (rows, into_rows), (columns, into_columns) = overlap(i, side, *x), overlap(j, side, *y)
+                    keys[into_rows, into_columns] = tile.arrays.keys[rows, columns]
+                    samples[into_rows, into_columns] = tile.arrays.samples[rows, columns]
+        return feathered(keys, samples, radius)
+
+    def export_tiles(self, directory: str | os.PathLike[str], *, blend: Blend | None = None) -> int:
         """Write the map as picture tiles of 256 pixels, ``<z>/<x>/<y>.png``, and a page that shows them.
 
         ``index.html`` needs no internet and no program on the server; opened as a file it works as well. x points up.
@@ -194,7 +243,7 @@ class Readable:
         *,
         crs: Any,
         origin: Sequence[float] = (0.0, 0.0),
-        blend: Blend = "refined",
+        blend: Blend | None = None,
     ) -> None:
         """Write the map as a GeoTIFF with overviews: x to the east, y to the north, cells that nobody saw transparent.
 
@@ -206,7 +255,7 @@ class Readable:
             The coordinate system, in metres, such as ``"EPSG:32632"`` (UTM 32 north).
         origin : (east, north)
             What is added to the map's coordinates.
-        blend : {"refined", "weighted", "best", "mean"}
+        blend : str, optional
             As in `image`.
 
         Raises
@@ -237,6 +286,8 @@ class Readable:
         )
 
     def _blend_of(self, blend: Any) -> str:
+        if blend is None:
+            return "labels" if self._labels else "refined"
         if not isinstance(blend, str):
             got = type(blend).__name__
             raise ArgumentTypeError(f"blend: expected {', '.join(BLENDS)}, got {got}; choose one of them")

@@ -22,7 +22,7 @@ from ipm_rs.mosaic._placing import Placed, Window
 from ipm_rs.mosaic._tiles import TileKey
 
 if TYPE_CHECKING:
-    from ipm_rs.mosaic._mosaic import Mosaic
+    from ipm_rs.mosaic._adding import Addable
 
 __all__ = ["Textures", "encoded", "refined"]
 
@@ -111,7 +111,7 @@ Shown = Iterable[tuple[NDArray[Any], Placed, list[Window]]]
 
 
 def refined(
-    mosaic: Mosaic, shown: Callable[[], Shown], iterations: int, threads: int | None, on_disk: bool
+    mosaic: Addable, shown: Callable[[], Shown], iterations: int, threads: int | None, on_disk: bool
 ) -> dict[TileKey, NDArray[Any]]:
     """Return the tiles of a mosaic's refined picture; `shown` goes through all placed pictures again and again."""
     side, dtype = mosaic.tile, mosaic.dtype
@@ -131,7 +131,7 @@ def refined(
     for _ in range(iterations):
         with contextlib.ExitStack() as stack:
             path = stack.enter_context(tempfile.TemporaryDirectory(prefix="ipm-rs-")) if on_disk else None
-            missing = stack.enter_context(type(mosaic)(mosaic.resolution, tile=side, path=path))
+            missing = stack.enter_context(mosaic._empty(path))
             scale = 1.0
             for image, camera, parts in shown():
                 if parts:

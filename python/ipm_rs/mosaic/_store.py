@@ -42,6 +42,8 @@ class Store:
         What the map is made of; None of a directory without a map.
     kind : Kind or None
         Of its tiles, once there are some.
+    samples, labels : int, bool
+        What its tiles keep, as of `Mosaic`.
     frames : int
         How many it holds.
     names : list of str
@@ -53,6 +55,7 @@ class Store:
         self.resolution: float | None = None
         self.side: int | None = None
         self.kind: Kind | None = None
+        self.samples, self.labels = 0, False
         self.frames, self.names = 0, list[str]()
         self._numbers: dict[TileKey, tuple[int, int]] = {}  # of each tile the number of its file, and its frames
         self._written: dict[TileKey, tuple[int, int]] = {}  # the same of tiles that mosaic.json does not name yet
@@ -155,6 +158,8 @@ class Store:
             "tile": self.side,
             "channels": None if kind is None else kind.channels,
             "dtype": None if kind is None else kind.dtype.name,
+            "samples": self.samples,
+            "labels": self.labels,
             "frames": frames,
             "names_size": self._size + len(text),
             "tiles": {f"{i}_{j}": value for (i, j), value in sorted(numbers.items())},
@@ -199,9 +204,10 @@ class Store:
                     f"{path}: expected version {_VERSION} of a mosaic, got another; use the ipm_rs that made it"
                 )
             self.resolution, self.side = float(header["resolution"]), int(header["tile"])
+            self.samples, self.labels = int(header.get("samples", 0)), bool(header.get("labels", False))
             if header["channels"] is not None:
                 dtype = {"uint8": np.uint8, "uint16": np.uint16}[header["dtype"]]
-                self.kind = Kind(self.side, int(header["channels"]), np.dtype(dtype))
+                self.kind = Kind(self.side, int(header["channels"]), np.dtype(dtype), self.samples, self.labels)
             self.frames, self._size = int(header["frames"]), int(header["names_size"])
             for name, (number, frames) in header["tiles"].items():
                 i, j = name.split("_")
@@ -286,8 +292,8 @@ def check_same(store: Store, resolution: float, side: int, asked: tuple[int | No
         )
 
 
-def cells_of(path: Any) -> tuple[float, int]:
-    """Return the resolution and the tile size of a stored mosaic.
+def cells_of(path: Any) -> dict[str, Any]:
+    """Return what a stored mosaic was made with: resolution, tile size, and what it keeps.
 
     Raises
     ------
@@ -299,6 +305,11 @@ def cells_of(path: Any) -> tuple[float, int]:
     try:
         assert store.resolution is not None
         assert store.side is not None
-        return store.resolution, store.side
+        return {
+            "resolution": store.resolution,
+            "tile": store.side,
+            "samples": store.samples,
+            "labels": store.labels,
+        }
     finally:
         store.close()

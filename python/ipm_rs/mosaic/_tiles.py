@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ipm_rs._core import _mosaic_merge
 from ipm_rs.errors import MosaicError
 
 __all__ = ["Arrays", "Kind", "Tile", "TileKey"]
@@ -26,6 +27,8 @@ class Arrays(NamedTuple):
     squares: NDArray[np.uint64]
     resolutions: NDArray[np.uint16]
     bests: NDArray[Any]
+    keys: NDArray[np.uint32]
+    samples: NDArray[Any]
 
     def part(self, rows: slice, columns: slice) -> Arrays:
         """Return the layers of some of the cells."""
@@ -35,11 +38,13 @@ class Arrays(NamedTuple):
 
 @dataclass(frozen=True)
 class Kind:
-    """What all tiles of a mosaic have in common."""
+    """What all tiles of a mosaic have in common; `samples` and `labels` as of `Mosaic`."""
 
     side: int
     channels: int
     dtype: np.dtype[Any]
+    samples: int = 0
+    labels: bool = False
 
     @property
     def most_frames(self) -> int:
@@ -57,14 +62,17 @@ class Kind:
     def shapes(self) -> dict[str, tuple[tuple[int, ...], Any]]:
         """Return shape and dtype of each layer."""
         cells, numbers = (self.side, self.side), (self.side, self.side, self.channels)
+        sums = (self.side, self.side, 0 if self.labels else self.channels)
         return {
             "weights": (cells, np.uint64),
-            "totals": (numbers, np.uint64),
+            "totals": (sums, np.uint64),
             "counts": (cells, np.uint32),
-            "sums": (numbers, np.uint64),
-            "squares": (numbers, np.uint64),
+            "sums": (sums, np.uint64),
+            "squares": (sums, np.uint64),
             "resolutions": (cells, np.uint16),
             "bests": (numbers, self.dtype),
+            "keys": ((*cells, self.samples), np.uint32),
+            "samples": ((*cells, self.samples, self.channels), self.dtype),
         }
 
     def empty(self) -> Tile:
@@ -104,6 +112,7 @@ class Tile:
         better = higher | ((theirs.resolutions == mine.resolutions) & larger)
         mine.bests[better] = theirs.bests[better]
         np.maximum(mine.resolutions, theirs.resolutions, out=mine.resolutions)
+        _mosaic_merge(mine, theirs.keys, theirs.samples)
         self.changed(other.frames)
 
 

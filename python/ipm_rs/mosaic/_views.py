@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ipm_rs._arguments import check_word
-from ipm_rs.errors import ArgumentError
-from ipm_rs.mosaic._tiles import Arrays, Tile
+from ipm_rs.errors import ArgumentError, MosaicError
+from ipm_rs.mosaic._samples import robust, voted
+from ipm_rs.mosaic._tiles import Arrays, Kind, Tile
 
-__all__ = ["BLENDS", "LAYERS", "layer_names", "view_of"]
+__all__ = ["BLENDS", "LAYERS", "check_kept", "layer_names", "view_of"]
 
 
 def _rounded(total: NDArray[np.uint64], by: NDArray[Any], dtype: np.dtype[Any]) -> NDArray[Any]:
@@ -47,6 +48,9 @@ BLENDS: dict[str, Callable[[Arrays], NDArray[Any]]] = {
     "weighted": _weighted,
     "best": _best,
     "mean": _mean,
+    "robust": lambda arrays: robust(arrays.keys, arrays.samples),
+    "feathered": _best,  # and mixed along seams, for which neighbours are needed: see `Readable`
+    "labels": lambda arrays: voted(arrays.keys, arrays.samples)[0],
 }
 LAYERS: dict[str, Callable[[Arrays], NDArray[Any]]] = {
     **BLENDS,
@@ -54,8 +58,23 @@ LAYERS: dict[str, Callable[[Arrays], NDArray[Any]]] = {
     "count": lambda arrays: arrays.counts.copy(),
     "density": lambda arrays: (arrays.resolutions / 4096).astype(np.float32),
     "mask": lambda arrays: arrays.counts > 0,
+    "agreement": lambda arrays: voted(arrays.keys, arrays.samples)[1],
 }
-_OF_CELLS = {"count", "density", "mask"}
+_OF_CELLS = {"count", "density", "mask", "agreement"}
+_OF_SUMS = {"refined", "weighted", "mean", "std"}
+_OF_SAMPLES = {"robust", "feathered"}
+_OF_LABELS = {"labels", "agreement"}
+
+
+def check_kept(wanted: list[str], kind: Kind) -> None:
+    """Refuse layers of what the tiles do not keep."""
+    for word in wanted:
+        if word in _OF_LABELS and not kind.labels:
+            raise MosaicError(f'mosaic: expected labels for "{word}", got pictures; make the map with labels=True')
+        if kind.labels and word in _OF_SUMS | _OF_SAMPLES:
+            raise MosaicError(f'mosaic: expected pictures for "{word}", got labels; choose "labels" or "best"')
+        if word in _OF_SAMPLES and not kind.samples:
+            raise MosaicError(f'mosaic: expected one that keeps samples for "{word}", got none; make it with samples=8')
 
 
 def layer_names(name: str, wanted: list[str], known: dict[str, Any]) -> list[str]:

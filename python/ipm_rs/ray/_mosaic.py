@@ -18,7 +18,8 @@ from ipm_rs.rig import Rig
 
 __all__ = ["mosaic"]
 
-Frame = tuple[Camera | Rig | Mapping[str, Camera], Any, ArrayLike]
+Frame = tuple[Camera | Rig | Mapping[str, Camera], Any, ArrayLike] | tuple[Any, Any, Any, str]
+Named = tuple[str, tuple[Any, Any, Any]]
 
 _AT_ONCE = 2
 """Stretches for each CPU that are under way: one is worked on, and one waits."""
@@ -43,7 +44,8 @@ def mosaic(
     ----------
     frames : iterable of (camera, image, map_from_vehicle)
         As `Mosaic.add` takes them; instead of an image the path or URI of its file, which the worker reads, of a rig a
-        mapping of them. A frame's name in the map is its path, else its number.
+        mapping of them, or a function that returns either. A fourth item is the frame's name in the map; else that is
+        its path, else its number.
     into : Mosaic
         The map.
     ground, distance
@@ -68,7 +70,8 @@ def mosaic(
     if not isinstance(into, Mosaic):
         raise ArgumentTypeError(f"into: expected an ipm_rs.Mosaic, got {type(into).__name__}; make one")
     size = whole("stretch", stretch, 1, 100_000)
-    settings = {"resolution": into.resolution, "tile": into.tile, "channels": into.channels, "dtype": into.dtype}
+    kept = ("resolution", "tile", "channels", "dtype", "samples", "labels")
+    settings = {name: getattr(into, name) for name in kept}
     options = {"ground": ground, "distance": distance}
     before = into.frames
     with connected(address) as ray:
@@ -95,13 +98,20 @@ def _merged(ray: Any, pending: list[Any], into: Mosaic) -> list[Any]:
     return list(others)
 
 
-def _stretches(frames: Iterable[Frame], into: Mosaic, size: int) -> Iterator[list[tuple[str, Frame]]]:
-    part: list[tuple[str, Frame]] = []
+def _stretches(frames: Iterable[Frame], into: Mosaic, size: int) -> Iterator[list[Named]]:
+    part: list[Named] = []
     for number, frame in enumerate(each_of("frames", frames)):
-        if not isinstance(frame, (tuple, list)) or len(frame) != 3:
-            raise ArgumentTypeError(f"frames: expected (camera, image, map_from_vehicle), got {type(frame).__name__}")
+        if not isinstance(frame, (tuple, list)) or len(frame) not in (3, 4):
+            raise ArgumentTypeError(
+                f"frames: expected (camera, image, map_from_vehicle), or a name with them, got {type(frame).__name__}"
+            )
         image = frame[1]
-        name = os.fspath(image) if isinstance(image, (str, os.PathLike)) else f"{number:08d}"
+        if len(frame) == 4:
+            name = frame[3]
+            if not isinstance(name, str):
+                raise ArgumentTypeError(f"frames: expected text as a frame's name, got {type(name).__name__}")
+        else:
+            name = os.fspath(image) if isinstance(image, (str, os.PathLike)) else f"{number:08d}"
         if name in into:
             continue
         part.append((str(name), (frame[0], image, frame[2])))
@@ -112,7 +122,7 @@ def _stretches(frames: Iterable[Frame], into: Mosaic, size: int) -> Iterator[lis
         yield part
 
 
-def _added(part: list[tuple[str, Frame]], shared: Any) -> Any:
+def _added(part: list[Named], shared: Any) -> Any:
     """Return the map of a stretch, or what was wrong with it: of an exception Ray would hand on a traceback."""
     settings, options = shared
     made = Mosaic(**settings)
@@ -125,6 +135,8 @@ def _added(part: list[tuple[str, Frame]], shared: Any) -> Any:
 
 
 def _read(image: Any) -> Any:
+    if callable(image):
+        return _read(image())
     if isinstance(image, Mapping):
         return {name: None if one is None else _read(one) for name, one in image.items()}
     if isinstance(image, os.PathLike):
