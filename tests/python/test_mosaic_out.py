@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import json
+import pickle
 import re
+import sys
+import types
 
 import numpy as np
 import pytest
@@ -81,15 +84,19 @@ def drive(tmp_path, frames):
     (tmp_path / "frames").mkdir()
     for number, (image, _) in enumerate(frames):
         Image.fromarray(image).save(tmp_path / "frames" / f"{number:06d}.png")
-    mount = camera().vehicle_from_camera
-    poses = [np.linalg.inv(mount) @ pose @ mount for _, pose in frames]  # the map is the first camera
-    np.savetxt(tmp_path / "poses.txt", [pose[:3].ravel() for pose in poses])
+    write_poses(tmp_path, [pose for _, pose in frames])
     return tmp_path
 
 
-def run(folder, *more):
-    words = [str(folder / "camera.json"), str(folder / "frames"), "--poses", str(folder / "poses.txt")]
-    options = ["--poses-of", "camera", "-o", str(folder / "map"), "--resolution", "0.1", "--tile", "64"]
+def write_poses(folder, poses):
+    mount = camera().vehicle_from_camera
+    rows = [(np.linalg.inv(mount) @ pose @ mount)[:3].ravel() for pose in poses]  # the map is the first camera
+    np.savetxt(folder / "poses.txt", rows)
+
+
+def run(folder, *more, streams=None, calibration="camera.json"):
+    words = [str(folder / calibration), *(streams or [str(folder / "frames")]), "--poses", str(folder / "poses.txt")]
+    options = ["-o", str(folder / "map"), "--resolution", "0.1", "--tile", "64"]
     return main(["mosaic", *words, *options, "--distance", "2", "20", "--ground", "0", *more])
 
 
@@ -121,6 +128,80 @@ def test_a_run_may_be_in_parts(drive, capsys):
         assert_same(whole, parts)
 
 
+def test_the_command_takes_rigs(drive, frames, capsys):
+    """Two cameras whose pictures were taken at once; where one lacks its picture, the other is added."""
+    rig = ipm_rs.Rig({"front": camera(), "left": camera(yaw=0.6), "unused": camera(yaw=-2.0)})
+    rig.save(drive / "rig.json")
+    (drive / "left").mkdir()
+    sides = [seen_from(camera(yaw=0.6), pose) for _, pose in frames]
+    for number, image in enumerate(sides):
+        Image.fromarray(image).save(drive / "left" / f"{number:06d}.png")
+    streams = [f"front={drive / 'frames'}", f"left={drive / 'left'}"]
+    assert run(drive, "--samples", "4", "--blend", "robust", calibration="rig.json", streams=streams) == 0
+    assert "6 frames" in capsys.readouterr().out
+    expected = ipm_rs.Mosaic(0.1, tile=64, samples=4)
+    for number, ((image, pose), side) in enumerate(zip(frames, sides, strict=True)):
+        both = {"front": image, "left": side}
+        seen = ipm_rs.Rig({name: rig[name] for name in both})
+        expected.add(seen, both, map_from_vehicle=pose, distance=(2, 20), name=f"{number:06d}")
+    with ipm_rs.Mosaic.load(drive / "map") as mosaic:
+        one, other = (each.layers(names=("count", "robust")) for each in (expected, mosaic))
+        assert mosaic.samples == 4
+    assert (one["count"] != other["count"]).mean() < 1e-3
+    assert (np.abs(one["robust"].astype(int) - other["robust"]) > 2).mean() < 1e-3
+    assert run(drive, "--quiet", calibration="rig.json", streams=streams) == 0, "what the map keeps is known"
+    assert run(drive, calibration="rig.json", streams=[f"rear={drive / 'left'}"]) == 2
+    assert "camera of the rig" in capsys.readouterr().err
+
+
+def test_the_command_draws_evens_out_and_votes(drive, frames, capsys):
+    assert run(drive, "--gains", "--picture", str(drive / "map.png")) == 0
+    assert run(drive, "--picture", str(drive / "plain.png"), "--no-track") == 0
+    capsys.readouterr()
+    with Image.open(drive / "map.png") as drawn, Image.open(drive / "plain.png") as plain:
+        changed = np.flatnonzero((np.asarray(drawn) != np.asarray(plain)).any(2).any(0))
+        assert 2 <= len(changed) < drawn.size[0] / 2, "the way of the vehicle"
+    (drive / "map").rename(drive / "with-gains")
+    assert run(drive, "--labels", "--quiet") == 0
+    with ipm_rs.Mosaic.load(drive / "map") as mosaic:
+        assert mosaic.labels and mosaic.frames == 6
+
+
+def test_the_command_on_a_cluster(drive, monkeypatch, capsys):
+    """The frames go to `ipm_rs.ray.mosaic` as what reads them, with the names that a run here gives them."""
+    assert run(drive, "--quiet") == 0
+    (drive / "map").rename(drive / "here")
+    assert run(drive, "--quiet", "--every", "2") == 0
+
+    def mosaic(frames, into, *, ground, distance, address):
+        frames = pickle.loads(pickle.dumps(list(frames)))
+        assert address == "auto" and [name for *_, name in frames] == ["000001", "000003", "000005"]
+        for lens, read, pose, name in frames:
+            into.add(lens, read(), map_from_vehicle=pose, ground=ground, distance=distance, name=name)
+        return len(frames)
+
+    monkeypatch.setitem(sys.modules, "ipm_rs.ray", types.SimpleNamespace(mosaic=mosaic))
+    monkeypatch.setattr(ipm_rs, "ray", types.SimpleNamespace(mosaic=mosaic), raising=False)
+    assert run(drive, "--ray", "auto") == 0
+    assert "3 frames (3 were there)" in capsys.readouterr().out
+    with ipm_rs.Mosaic.load(drive / "here") as one, ipm_rs.Mosaic.load(drive / "map") as other:
+        assert_same(one, other)
+
+
+def test_a_track_is_drawn_where_it_is():
+    grid = ipm_rs.BevGrid(x=(0, 10), y=(-5, 5), resolution=0.1)
+    view = np.zeros(grid.shape, np.uint8)
+    page = np.asarray(ipm_rs.draw.axes(view, grid)).astype(int)
+    track = [[2.0, 3.0], [8.0, 3.0], [np.nan, np.nan], [5.0, -4.0], [5.0, -2.0], [1e9, 1e9]]
+    drawn = np.asarray(ipm_rs.draw.axes(view, grid, track=track)).astype(int)
+    rows, columns = np.nonzero(np.abs(drawn - page).sum(2) > 200)
+    top, left = rows.min(), columns.min()  # of (8, 3)
+    assert rows.max() - top == pytest.approx(60, abs=4) and columns.max() - left == pytest.approx(70, abs=4)
+    for wrong in ([1, 2], [[1, 2, 3]], [["a", "b"]]):
+        with pytest.raises(ipm_rs.ArgumentTypeError, match="track"):
+            ipm_rs.draw.axes(view, grid, track=wrong)
+
+
 def test_mistakes_are_told_in_a_line(drive, capsys, frames):
     def told(*more):
         assert run(drive, *more) == 2
@@ -128,13 +209,21 @@ def test_mistakes_are_told_in_a_line(drive, capsys, frames):
         assert err.startswith("ipm-rs: error: ") and err.count("\n") == 1
         return err
 
+    np.savetxt(drive / "poses.txt", [pose[:3].ravel() for _, pose in frames])  # the vehicle's, where a camera's belong
+    assert "m along y; give" in told("--poses-of", "vehicle")
+    write_poses(drive, [pose for _, pose in frames])
+    assert not (drive / "map" / "tiles").exists() or not list((drive / "map" / "tiles").iterdir()), "nothing was added"
+    assert "--geotiff with it" in told("--crs", "EPSG:32632")
+    assert "--crs with it" in told("--geotiff", str(drive / "map.tif"))
+    assert "brightness" in told("--labels", "--gains")
+    assert "--ray, got both" in told("--ray", "--gains")
     assert "wheels" in told("--ground", "low")
     assert "below the camera" in told("--ground", "9")
     assert "--picture" in told("--x", "0", "5")
     jump = [pose for _, pose in frames[:3]] + [standing_at(500.0 + k) for k in range(3)]
-    np.savetxt(drive / "poses.txt", [pose[:3].ravel() for pose in jump])
+    write_poses(drive, jump)
     assert "at most 50 m apart" in told()
-    np.savetxt(drive / "poses.txt", [pose[:3].ravel() for pose in jump[:2]])
+    write_poses(drive, jump[:2])
     assert "a pose for each frame" in told("--max-step", "1000")
     (drive / "poses.txt").write_text("not numbers\n")
     assert "poses.txt" in told()

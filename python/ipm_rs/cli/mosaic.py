@@ -14,18 +14,19 @@ import numpy as np
 
 import ipm_rs
 from ipm_rs import draw, streams
+from ipm_rs.cli import mosaic_ray
 from ipm_rs.cli.arguments import (
     Commands,
     add_camera,
     add_image_size,
     check_output,
     count,
-    load_camera_sized,
     real,
 )
+from ipm_rs.cli.drive import Poses, cameras_of, stream_of
 from ipm_rs.cli.frames import Counted
 from ipm_rs.cli.printing import emit, error_line, no_progress, progress_bar
-from ipm_rs.errors import ArgumentError, CalibrationError, FileError, ImageError
+from ipm_rs.errors import ArgumentError, FileError, ImageError
 from ipm_rs.files import images
 from ipm_rs.streams.ordered import cpus, ordered
 
@@ -48,18 +49,27 @@ The map's axes are those of the poses. Each cell is made of the frames that reso
   ipm-rs mosaic calib.txt image_0/ --poses poses.txt --poses-of camera -o map/
   ipm-rs mosaic sequences/00 sequences/00 -o map/ --picture map.png    # a dataset that has its poses
   ipm-rs mosaic camera.json drive.mp4 --poses drive.tum --distance 4 15 --resolution 0.02 -o map/
-  ipm-rs mosaic camera.json drive.mp4 --poses drive.tum -o map/ --tiles site/    # site/index.html shows it""",
+  ipm-rs mosaic camera.json drive.mp4 --poses drive.tum -o map/ --tiles site/    # site/index.html shows it
+  ipm-rs mosaic camera.json drive.mp4 --poses drive.tum -o map/ --geotiff map.tif --crs EPSG:32632 --origin 691e3 5336e3
+  ipm-rs mosaic rig.json front=front.mp4 left=left.mp4 right=right.mp4 --poses drive.tum -o map/ --gains
+  ipm-rs mosaic camera.json labels/ --poses poses.txt -o labels-map/ --labels
+  ipm-rs mosaic camera.json frames/ --poses poses.txt -o map/ --ray    # on a cluster""",
     )
-    mosaic.add_argument("calibration", metavar="CALIBRATION", help="camera calibration, a file or directory")
-    mosaic.add_argument("stream", metavar="STREAM", help="a folder of images, a pattern, a video, a bag or a dataset")
+    mosaic.add_argument("calibration", metavar="CALIBRATION", help="calibration of the camera, or of a rig")
+    mosaic.add_argument(
+        "streams",
+        metavar="STREAM",
+        nargs="+",
+        help="a folder of images, a pattern, a video, a bag or a dataset; of a rig NAME=STREAM for each camera",
+    )
     mosaic.add_argument("-o", "--output", metavar="MAP", type=Path, required=True, help="the map's folder")
     drive = mosaic.add_argument_group("drive")
     drive.add_argument("--poses", metavar="FILE", help="where the vehicle was; needed where STREAM does not say it")
     drive.add_argument(
         "--poses-of",
         choices=("vehicle", "camera"),
-        default="vehicle",
-        help="what the poses of FILE are of (default: vehicle)",
+        help="what the poses of FILE are of: the vehicle, or the camera, of a rig the first that is named (default: "
+        "the camera in KITTI's form, 12 numbers a line, else the vehicle)",
     )
     drive.add_argument("--start", metavar="S", type=real, help="seconds from the beginning")
     drive.add_argument("--end", metavar="S", type=real, help="seconds from the beginning")
@@ -88,18 +98,45 @@ The map's axes are those of the poses. Each cell is made of the frames that reso
         default="wheels",
         help="height of the road in the map, or wheels: the plane under the vehicle at each pose (default)",
     )
+    cells.add_argument(
+        "--samples",
+        metavar="N",
+        type=count,
+        help="keep the values of N frames a cell, for --blend robust and feathered (default: 8 with these, else none)",
+    )
+    cells.add_argument("--labels", action="store_true", help="images are of labels, which are voted on and never mixed")
+    cells.add_argument("--gains", action="store_true", help="make each frame as bright as the map so far")
     camera = mosaic.add_argument_group("calibration")
     add_camera(camera)
     add_image_size(camera)
     camera.add_argument("--mask", metavar="IMAGE", type=Path, help="white where the camera shows the road")
     out = mosaic.add_argument_group("output")
-    out.add_argument("--blend", choices=("weighted", "best", "mean"), default="weighted", help="how cells are drawn")
+    out.add_argument(
+        "--blend",
+        choices=("weighted", "best", "mean", "robust", "feathered", "labels"),
+        help="how cells are drawn: weighted by what frames resolve (default); robust, without what stood there for few "
+        "frames; best, the one frame that resolves the cell best; feathered, the same with seams mixed; mean, of all "
+        "frames; labels, their votes (default where the map is of labels)",
+    )
     out.add_argument("--picture", metavar="PNG", type=Path, help="also draw the map, with axes in metres")
     out.add_argument("--x", metavar=("MIN", "MAX"), nargs=2, type=real, help="of the picture (default: all)")
     out.add_argument("--y", metavar=("MIN", "MAX"), nargs=2, type=real, help="of the picture (default: all)")
+    out.add_argument("--no-track", action="store_true", help="do not draw where the vehicle went on the picture")
     out.add_argument("--tiles", metavar="DIR", type=Path, help="also write XYZ tiles and a page that shows them")
+    out.add_argument("--geotiff", metavar="TIF", type=Path, help="also write a GeoTIFF, x to the east, y to the north")
+    out.add_argument("--crs", metavar="CRS", help="coordinate system of --geotiff, such as EPSG:32632")
+    out.add_argument(
+        "--origin", metavar=("E", "N"), nargs=2, type=real, help="where the map's (0, 0) lies in it (default: 0 0)"
+    )
     running = mosaic.add_argument_group("run")
-    running.add_argument("--force", action="store_true", help="replace an existing picture")
+    running.add_argument(
+        "--ray",
+        metavar="ADDRESS",
+        nargs="?",
+        const="",
+        help="add the frames on a Ray cluster: this one, or that of RAY_ADDRESS, or one of this machine's CPUs",
+    )
+    running.add_argument("--force", action="store_true", help="replace an existing picture or GeoTIFF")
     running.add_argument("--quiet", action="store_true", help="print nothing but errors")
     mosaic.set_defaults(run=run)
 
@@ -111,93 +148,61 @@ def run(args: argparse.Namespace) -> None:
         check_output(args.picture, may_exist=args.force)
     elif args.x is not None or args.y is not None:
         raise ArgumentError("--x, --y: expected --picture with them, got none; give its name")
-    camera = load_camera_sized(args)
-    if args.mask is not None:
-        camera = camera.masked(images.read(args.mask)[0] > 127)
-    stream = streams.open(args.stream, every=args.every, start=args.start, end=args.end)
-    if stream.size is not None and stream.size != tuple(camera.image_size):
-        raise ImageError(
-            f"{args.stream}: expected {camera.image_size[0]}x{camera.image_size[1]} pixels, as the calibration was "
-            f"made for, got {stream.size[0]}x{stream.size[1]}; give --image-size if it was made for these"
-        )
-    poses = _Poses(args, camera)
+    if args.geotiff is not None:
+        check_output(args.geotiff, may_exist=args.force)
+    for option in ("crs", "origin"):
+        if getattr(args, option) is not None and args.geotiff is None:
+            raise ArgumentError(f"--{option}: expected --geotiff with it, got none; give its name")
+    if args.geotiff is not None and args.crs is None:
+        raise ArgumentError("--geotiff: expected --crs with it, such as EPSG:32632, got none; give it")
+    if args.labels and args.gains:
+        raise ArgumentError("--gains: expected none with --labels, got both; labels have no brightness")
+    cameras, sources = cameras_of(args)
+    stream = stream_of(cameras, sources, args)
+    poses = Poses(args, cameras)
     ground = args.ground if args.ground == "wheels" else _height(args.ground)
-    with ipm_rs.Mosaic(args.resolution, tile=args.tile, path=args.output) as mosaic:
-        done = _add_all(mosaic, stream, camera, poses, ground, args)
+    if args.ray is not None:
+        mosaic_ray.check(args, sources, poses)
+    with _opened(args) as mosaic:
+        done = Done()
+        if args.ray is None:
+            _add_all(mosaic, stream, cameras, poses, ground, args, done)
+        else:
+            mosaic_ray.add_all(mosaic, stream, cameras, poses, ground, args, done)
         begin = perf_counter()
         mosaic.commit()
         done.seconds["write"] += perf_counter() - begin
-        _draw(mosaic, args)
+        _draw(mosaic, done, args)
         if not args.quiet:
             emit(done.told(args.output, mosaic))
     if done.failed:
         raise FileError(f"{done.failed} of {done.failed + done.added + done.there} frames could not be read, see above")
 
 
-class _Poses:
-    """Where the vehicle was at each frame: from the file that is given, else from the stream."""
-
-    def __init__(self, args: argparse.Namespace, camera: ipm_rs.Camera) -> None:
-        self.source, self.most = args.stream, args.max_step
-        self.trajectory: ipm_rs.Trajectory | None = None
-        self.before: tuple[str, Any] | None = None
-        self.numbered = False
-        if args.poses is None:
-            return
-        sensor = camera.vehicle_from_camera if args.poses_of == "camera" else None
-        try:
-            self.trajectory = ipm_rs.Trajectory.load(args.poses, vehicle_from_sensor=sensor)
-        except ArgumentError as error:
-            if "timestamps" not in str(error):
-                raise
-            # KITTI's have none: the n-th pose is the n-th picture's
-            with Path(args.poses).open("rb") as file:
-                lines = sum(bool(line.strip()) for line in file)
-            numbers = np.arange(float(lines))
-            self.trajectory = ipm_rs.Trajectory.load(args.poses, timestamps=numbers, vehicle_from_sensor=sensor)
-            self.numbered = True
-
-    def at(self, ticket: streams.Ticket, own: Any) -> Any:
-        """Return the pose of a frame.
-
-        Raises
-        ------
-        CalibrationError
-            There is none, or it is far from the one before.
-        """
-        pose = own if self.trajectory is None else self._given(ticket, self.trajectory)
-        if pose is None:
-            raise CalibrationError(f"{self.source}: expected poses in it, found none; give --poses FILE")
-        if self.before is not None:
-            step = float(np.linalg.norm(pose[:3, 3] - self.before[1]))
-            if not step <= self.most:
-                raise CalibrationError(
-                    f"poses: expected frames at most {self.most:g} m apart, got {step:.1f} m from {self.before[0]} to "
-                    f"{ticket.name}; map the stretches one by one, or give --max-step"
-                )
-        self.before = ticket.name, pose[:3, 3].copy()
-        return pose
-
-    def _given(self, ticket: streams.Ticket, trajectory: ipm_rs.Trajectory) -> Any:
-        if ticket.timestamp is not None and not self.numbered:
-            return trajectory.at(ticket.timestamp)
-        if not self.numbered:
-            raise ArgumentError(
-                f"{self.source}: expected frames with timestamps, as the poses have, got none; give a video, a bag "
-                "or a dataset, or poses in KITTI's form, one line for each frame"
-            )
-        if ticket.index >= len(trajectory):
-            raise ArgumentError(f"--poses: expected a pose for each frame, got {len(trajectory)} for more frames")
-        return trajectory.poses[ticket.index]
+def _opened(args: argparse.Namespace) -> ipm_rs.Mosaic:
+    """Return the map of the folder, or a new one; what it keeps need not be said again."""
+    samples, labels = args.samples, args.labels
+    if samples is None and args.blend in ("robust", "feathered"):
+        samples = 8
+    if (args.output / "mosaic.json").exists():
+        with ipm_rs.Mosaic.load(args.output) as known:
+            samples = known.samples if args.samples is None else samples
+            labels = labels or known.labels
+    return ipm_rs.Mosaic(args.resolution, tile=args.tile, path=args.output, samples=samples, labels=labels)
 
 
-class _Done:
+class Done:
     """What a run did."""
 
     def __init__(self) -> None:
         self.added = self.there = self.failed = self.cells = 0
         self.metres = 0.0
+        self.track: list[Any] = []
         self.seconds = {"read": 0.0, "add": 0.0, "write": 0.0}
+
+    def goes_to(self, pose: Any) -> None:
+        """Note where the vehicle was next, where that is known."""
+        self.track.append([np.nan, np.nan] if pose is None else pose[:2, 3])
 
     def told(self, output: Path, mosaic: ipm_rs.Mosaic) -> str:
         """Return the summary: a line."""
@@ -212,12 +217,13 @@ class _Done:
 def _add_all(
     mosaic: ipm_rs.Mosaic,
     stream: streams.Stream,
-    camera: ipm_rs.Camera,
-    poses: _Poses,
+    cameras: Any,
+    poses: Poses,
     ground: Any,
     args: argparse.Namespace,
-) -> _Done:
-    done = _Done()
+    done: Done,
+) -> None:
+    takes_own = args.calibration == args.streams[0]
     show = not args.quiet and sys.stderr.isatty()
     with (progress_bar("frame") if show else no_progress)(Counted(stream.count)) as (bar, say):
         steps = iter(bar)
@@ -232,23 +238,20 @@ def _add_all(
             if frame is None:
                 done.there += 1
                 poses.before = None
+                done.goes_to(poses.given(ticket))
                 continue
             pose = poses.at(ticket, frame.map_from_vehicle)
             if before is not None:
                 done.metres += float(np.linalg.norm(pose[:3, 3] - before[1]))
+            done.goes_to(pose)
             begin = perf_counter()
-            done.cells += mosaic.add(
-                frame.camera if args.calibration == args.stream and frame.camera is not None else camera,
-                frame.image,
-                map_from_vehicle=pose,
-                ground=ground,
-                distance=args.distance,
-                name=ticket.name,
-            )
+            seen = frame.camera if takes_own and frame.camera is not None else cameras
+            place: dict[str, Any] = {"map_from_vehicle": pose, "ground": ground, "distance": args.distance}
+            gain = mosaic.gain(seen, frame.image, **place) if args.gains else 1.0
+            done.cells += mosaic.add(seen, frame.image, gain=gain, name=ticket.name, **place)
             done.seconds["read"] += took
             done.seconds["add"] += perf_counter() - begin
             done.added += 1
-    return done
 
 
 def _decoded(stream: streams.Stream, mosaic: ipm_rs.Mosaic) -> Iterator[tuple[streams.Ticket, Any, float]]:
@@ -276,14 +279,18 @@ def _height(text: str) -> float:
         raise ArgumentError(f"--ground: expected a height in metres or wheels, got {text!r:.40}") from None
 
 
-def _draw(mosaic: ipm_rs.Mosaic, args: argparse.Namespace) -> None:
+def _draw(mosaic: ipm_rs.Mosaic, done: Done, args: argparse.Namespace) -> None:
+    blend: Any = args.blend or ("labels" if mosaic.labels else "weighted")
     if mosaic.bounds is None:
         raise ArgumentError(
             "expected frames that see the road, got none that does; check the calibration and --distance"
         )
     if args.picture is not None:
-        layers = mosaic.layers(args.x, args.y, names=(args.blend, "mask"))
-        page = draw.axes(layers[args.blend], mosaic.window(args.x, args.y), mask=layers["mask"])
+        layers = mosaic.layers(args.x, args.y, names=(blend, "mask"))
+        track = None if args.no_track or not done.track else np.array(done.track)
+        page = draw.axes(layers[blend], mosaic.window(args.x, args.y), mask=layers["mask"], track=track)
         images.write(args.picture, np.asarray(page), images.Look("RGB"))
     if args.tiles is not None:
-        mosaic.export_tiles(args.tiles, blend=args.blend)
+        mosaic.export_tiles(args.tiles, blend=blend)
+    if args.geotiff is not None:
+        mosaic.export_geotiff(args.geotiff, crs=args.crs, origin=args.origin or (0.0, 0.0), blend=blend)

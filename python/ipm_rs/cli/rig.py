@@ -149,7 +149,7 @@ def run(args: argparse.Namespace) -> None:
     """Check everything, then make view after view."""
     rig = load_rig(args, args.image_size)
     grid = ipm_rs.BevGrid(x=args.x, y=args.y, resolution=resolution(args.resolution), sample_at=args.sample_at)
-    sources = _sources(args.images, rig)
+    sources = sources_of(args.images, rig)
     streamed = rig_stream.concerns(sources, args)
     views = [] if streamed else _views(sources, rig, args)
     outputs = [] if streamed else _outputs(views, args)
@@ -199,7 +199,7 @@ def run(args: argparse.Namespace) -> None:
         raise FileError(f"{failed} of {len(views)} views could not be made, see above; the others were written")
 
 
-def _sources(words: list[str], rig: ipm_rs.Rig) -> dict[str, Path]:
+def sources_of(words: list[str], rig: ipm_rs.Rig) -> dict[str, Path]:
     """Paths of the cameras' images, by their names."""
     found: dict[str, Path] = {}
     for word in words:

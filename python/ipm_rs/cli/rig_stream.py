@@ -39,7 +39,7 @@ def run(args: argparse.Namespace, lut: ipm_rs.RigLut, sources: Mapping[str, Path
         raise ArgumentError(
             f"NAME=STREAM: expected one for each camera, got none for {', '.join(lacking)}; give it, or --missing next"
         )
-    opened = {name: _opened(path, name) for name, path in sources.items()}
+    opened = {name: opened(path, name) for name, path in sources.items()}
     for name, stream in opened.items():
         size = lut.rig[name].image_size
         if stream.size is not None and stream.size != size:
@@ -68,7 +68,8 @@ def _topic(path: Path) -> tuple[str, str] | None:
     return (place, f"/{topic}") if colon and bag.recognises(place) else None
 
 
-def _opened(path: Path, name: str) -> streams.Stream:
+def opened(path: Path, name: str) -> streams.Stream:
+    """Open what the command line gives for a camera."""
     found = _topic(path)
     if found is not None:
         return streams.open(found[0], kind="bag", topic=found[1], poses=False)

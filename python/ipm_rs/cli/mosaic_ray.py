@@ -1,0 +1,67 @@
+"""``ipm-rs mosaic ... --ray``: the frames are added on a cluster instead of in this process."""
+
+from __future__ import annotations
+
+import argparse
+import functools
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from time import perf_counter
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+import ipm_rs
+from ipm_rs import streams
+from ipm_rs.cli.drive import Poses
+from ipm_rs.errors import ArgumentError
+
+if TYPE_CHECKING:
+    from ipm_rs.cli.mosaic import Done
+
+__all__ = ["add_all", "check"]
+
+_HERE_ALONE = ("video", "bag")
+"""Streams whose frames are decoded one after another, which workers cannot share."""
+
+
+def check(args: argparse.Namespace, sources: Mapping[str, Path], poses: Poses) -> None:
+    """Refuse what a cluster does not do."""
+    if args.gains:
+        raise ArgumentError("--gains: expected none with --ray, got both; gains follow the map frame by frame")
+    if poses.trajectory is None:
+        raise ArgumentError("--ray: expected --poses with it, got none; frames are decoded by the workers")
+    for path in sources.values():
+        if streams.recognise(path) in _HERE_ALONE:
+            raise ArgumentError(f"--ray: expected images or a dataset, got {path}; leave --ray out")
+
+
+def add_all(
+    mosaic: ipm_rs.Mosaic,
+    stream: streams.Stream,
+    cameras: Any,
+    poses: Poses,
+    ground: Any,
+    args: argparse.Namespace,
+    done: Done,
+) -> None:
+    """Add all frames that the map does not hold."""
+    begin = perf_counter()
+
+    def frames() -> Iterator[tuple[Any, ...]]:
+        for ticket in stream.tickets():
+            pose = poses.at(ticket, None)
+            done.goes_to(pose)
+            if ticket.name in mosaic:
+                done.there += 1
+                continue
+            if len(done.track) > 1:
+                done.metres += float(np.hypot(*(done.track[-1] - done.track[-2])))
+            yield cameras, functools.partial(_image_of, ticket), pose, ticket.name
+
+    done.added = ipm_rs.ray.mosaic(frames(), mosaic, ground=ground, distance=args.distance, address=args.ray or None)
+    done.seconds["add"] += perf_counter() - begin
+
+
+def _image_of(ticket: streams.Ticket) -> Any:
+    return ticket.load().image
