@@ -15,8 +15,8 @@
 `ring` maps the same road with a ring of cameras and measures how far the map steps where another camera is the best.
 `kitti` maps a folder with `image_l/*.png`, `calib.txt` and `poses.txt` of a sequence of KITTI's odometry, after
 `refine.from_drive`. `kills` ends a run at random moments and starts it again. `long` tells milliseconds a frame and the
-memory of the process as a drive goes on. `speed` adds a grey frame of KITTI's size beside the warp of the same cells and
-beside OpenCV, and six pictures of nuScenes' size. `city` measures the stages of a run and says what that makes for a
+memory of the process as a drive goes on. `speed` adds a grey frame of KITTI's size beside the warp of the same cells
+and beside OpenCV, and six pictures of nuScenes' size. `city` measures the stages of a run and says what they are for a
 city.
 """
 
@@ -257,8 +257,9 @@ def long(args: argparse.Namespace) -> None:
             mosaic.add(camera, picture, map_from_vehicle=pose, distance=(4, 20), name=f"{number:08d}")
             if number in marks or number == args.frames:
                 spent = 1e3 * (time.process_time() - begin) / (number - since)
+                held = f"{resident():.0f} MB resident, {mosaic.nbytes / 1e6:.0f} of them tiles"
                 print(
-                    f"{number} frames  {args.step * number / 1000:.2f} km  {spent:.2f} ms of CPU a frame since then  {resident():.0f} MB resident, {mosaic.nbytes / 1e6:.0f} of them tiles",
+                    f"{number} frames  {args.step * number / 1000:.2f} km  {spent:.2f} ms of CPU a frame  {held}",
                     flush=True,
                 )
                 begin, since = time.process_time(), number
@@ -414,7 +415,7 @@ def city(args: argparse.Namespace) -> None:
     )
     merging = args.frames * merge / 3.6e6
     print(
-        f"{args.frames} frames, one for each metre of street: {hours:.1f} hours of one core, {60 * hours / 64:.0f} minutes "
+        f"{args.frames} frames, one for each metre of street: {hours:.1f} hours of one core, {60 * hours / 64:.0f} min "
         f"of 64; {merging:.1f} hours of it are merging; {metre * args.frames / 1e9:.0f} GB"
     )
 

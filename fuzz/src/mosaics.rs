@@ -1,6 +1,6 @@
 //! Frames of a drive on one tile: whatever their poses and in whatever order, the same integers.
 
-use ipm_rs::mosaic::{Frame, Layers, Tile};
+use ipm_rs::mosaic::{Frame, Kept, Layers, Tile};
 use ipm_rs::{BevGrid, Ground, ImageView, SampleAt};
 
 use crate::input::Input;
@@ -18,23 +18,28 @@ struct Sums {
     squares: Vec<u64>,
     resolutions: Vec<u16>,
     bests: Vec<u8>,
+    keys: Vec<u32>,
+    samples: Vec<u8>,
 }
 
 impl Sums {
-    fn new(channels: usize) -> Self {
-        let (cells, numbers) = (SIDE * SIDE, SIDE * SIDE * channels);
+    fn new(kept: Kept) -> Self {
+        let (cells, numbers) = (SIDE * SIDE, SIDE * SIDE * kept.channels);
+        let sums = if kept.labels { 0 } else { numbers };
         Self {
             weights: vec![0; cells],
-            totals: vec![0; numbers],
+            totals: vec![0; sums],
             counts: vec![0; cells],
-            sums: vec![0; numbers],
-            squares: vec![0; numbers],
+            sums: vec![0; sums],
+            squares: vec![0; sums],
             resolutions: vec![0; cells],
             bests: vec![0; numbers],
+            keys: vec![0; cells * kept.samples],
+            samples: vec![0; numbers * kept.samples],
         }
     }
 
-    fn tile(&mut self, channels: usize) -> Tile<'_, u8> {
+    fn tile(&mut self, kept: Kept) -> Tile<'_, u8> {
         let layers = Layers {
             weights: &mut self.weights,
             totals: &mut self.totals,
@@ -43,14 +48,17 @@ impl Sums {
             squares: &mut self.squares,
             resolutions: &mut self.resolutions,
             bests: &mut self.bests,
+            keys: &mut self.keys,
+            samples: &mut self.samples,
         };
-        Tile::new(SIDE, channels, layers).expect("all are as long as the others")
+        Tile::new(SIDE, kept, layers).expect("all are as long as the others")
     }
 }
 
 pub fn run(data: &[u8]) {
     let mut input = Input::new(data);
     let channels = input.count(1, 4);
+    let kept = Kept { channels, samples: input.count(0, 4), labels: input.count(0, 3) == 0 };
     let ground = Ground::default();
     let at = (input.count(0, SIDE - 1), input.count(0, SIDE - 1));
     let (rows, columns) = (input.count(1, SIDE - at.0), input.count(1, SIDE - at.1));
@@ -59,27 +67,27 @@ pub fn run(data: &[u8]) {
             .expect("whole cells");
     let mut random = Random::new(input.bits());
     let frames: Vec<_> = (0..input.count(1, 3))
-        .filter_map(|_| {
+        .filter_map(|id| {
             let camera = input.camera(None)?;
             let from = input.point(3.0);
             let distance = (input.number(2.0), input.number(40.0));
             let weight = input.number(1.0);
             let size = (camera.image_size().0 as usize, camera.image_size().1 as usize);
             let pixels: Vec<u8> = noise(size.0 * size.1 * channels, &mut random);
-            Some((Frame { camera, mask: None, ground: &ground, from, distance, weight }, size, pixels))
+            Some((Frame { camera, mask: None, ground: &ground, from, distance, weight, id: id as u32 }, size, pixels))
         })
         .collect();
     let add = |sums: &mut Sums, order: &mut dyn Iterator<Item = &(Frame<'_>, (usize, usize), Vec<u8>)>, threads| {
         for (frame, size, pixels) in order {
             let image = ImageView::new(pixels, *size, channels).expect("an image");
             let before = sums.clone();
-            match frame.add(&image, &window, sums.tile(channels), at, Some(threads)) {
+            match frame.add(&image, &window, sums.tile(kept), at, Some(threads)) {
                 Ok(counted) => assert!(counted <= rows * columns),
                 Err(_) => assert!(*sums == before, "a frame that is refused adds nothing"),
             }
         }
     };
-    let (mut one, mut other) = (Sums::new(channels), Sums::new(channels));
+    let (mut one, mut other) = (Sums::new(kept), Sums::new(kept));
     add(&mut one, &mut frames.iter(), 1);
     add(&mut other, &mut frames.iter().rev(), 2);
     assert!(one == other, "the order of frames changes the map");

@@ -4,7 +4,7 @@ use ipm_rs::cloud::{
     ChannelOrder, DepthOptions, DepthUnit, Projections, decode_carla_depth_into, encode_carla_depth_into,
     points_from_depth_into, project_into,
 };
-use ipm_rs::mosaic::{Frame, Layers, Tile};
+use ipm_rs::mosaic::{Frame, Kept, Layers, Tile};
 use ipm_rs::raster::{RasterOptions, Reduce, rasterize};
 use ipm_rs::view::Strided;
 use ipm_rs::{
@@ -172,10 +172,18 @@ pub(super) fn mosaics(pages: &mut Pages, random: &mut Random) {
         pages.samples::<T>(count, guard)
     }
     let (camera, ground) = (cameras((40, 30))[0], Ground::default());
-    let frame =
-        Frame { camera, mask: None, ground: &ground, from: [0.0; 2], distance: (0.0, f64::INFINITY), weight: 1.0 };
-    let mut rooms: Vec<Fenced> = (0..7).map(|_| Fenced::new(SIDE * SIDE * 5 * 8)).collect();
-    for channels in [1, 2, 3, 5] {
+    let frame = Frame {
+        camera,
+        mask: None,
+        ground: &ground,
+        from: [0.0; 2],
+        distance: (0.0, f64::INFINITY),
+        weight: 1.0,
+        id: 7,
+    };
+    let mut rooms: Vec<Fenced> = (0..9).map(|_| Fenced::new(SIDE * SIDE * 5 * 8)).collect();
+    for (channels, samples, labels) in [(1, 0, false), (2, 3, false), (3, 1, false), (5, 0, false), (1, 2, true)] {
+        let kept = Kept { channels, samples, labels };
         let pixels: Vec<u8> = noise(40 * 30 * channels, random);
         for (source_guard, guard) in GUARDS {
             for (at, rows, columns) in [((0, 0), SIDE, SIDE), ((5, 7), SIDE - 5, SIDE - 7), ((12, 0), 1, 3)] {
@@ -184,20 +192,23 @@ pub(super) fn mosaics(pages: &mut Pages, random: &mut Random) {
                 let image = ImageView::new(source, (40, 30), channels).expect("an image");
                 let (deep, wide) = (1.0 + rows as f64 * 0.25, columns as f64 * 0.25);
                 let window = BevGrid::new((1.0, deep), (-wide / 2.0, wide / 2.0), (0.25, 0.25), SampleAt::Center);
-                let [weights, totals, counts, sums, squares, resolutions, bests] = &mut rooms[..] else {
-                    unreachable!("seven rooms");
+                let [weights, totals, counts, sums, squares, resolutions, bests, keys, values] = &mut rooms[..] else {
+                    unreachable!("nine rooms");
                 };
                 let (cells, numbers) = (SIDE * SIDE, SIDE * SIDE * channels);
+                let summed = if labels { 0 } else { numbers };
                 let layers = Layers {
                     weights: layer(weights, cells, guard),
-                    totals: layer(totals, numbers, guard),
+                    totals: layer(totals, summed, guard),
                     counts: layer(counts, cells, guard),
-                    sums: layer(sums, numbers, guard),
-                    squares: layer(squares, numbers, guard),
+                    sums: layer(sums, summed, guard),
+                    squares: layer(squares, summed, guard),
                     resolutions: layer(resolutions, cells, guard),
                     bests: layer(bests, numbers, guard),
+                    keys: layer(keys, cells * samples, guard),
+                    samples: layer(values, numbers * samples, guard),
                 };
-                let tile = Tile::<u8>::new(SIDE, channels, layers).expect("all are as long as the others");
+                let tile = Tile::<u8>::new(SIDE, kept, layers).expect("all are as long as the others");
                 let window = window.expect("whole cells");
                 trying("mosaic", || frame.add(&image, &window, tile, at, Some(1))).expect("the window is in the tile");
             }

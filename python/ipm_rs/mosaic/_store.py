@@ -216,6 +216,7 @@ class Store:
             channels = 1 if self.kind is None else self.kind.channels
             # the limits of Mosaic's own arguments
             good = 1e-6 < self.resolution < 100 and self.side in range(64, 4097, 64) and channels in range(1, 17)
+            good &= self.samples in range(int(self.labels), 65) and not (self.labels and channels != 1)
             if not good or min(counts) < 0:
                 raise FileError(
                     f"{path}: expected cells, tiles, channels and counts that a mosaic can have, got others; the file "
