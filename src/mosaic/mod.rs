@@ -4,7 +4,7 @@
 //! from its pixels to the map's cells. What is added depends on the frame and the tile alone.
 //!
 //! ```
-//! use ipm_rs::mosaic::{Frame, Layers, Tile};
+//! use ipm_rs::mosaic::{Frame, Kept, Layers, Tile};
 //! use ipm_rs::{BevGrid, Camera, Ground, ImageView, Pinhole, SampleAt};
 //!
 //! # fn main() -> ipm_rs::Result<()> {
@@ -15,15 +15,16 @@
 //! let (mut resolutions, mut bests) = (vec![0; SIDE * SIDE], vec![0u8; SIDE * SIDE]);
 //! let layers = Layers {
 //!     weights: &mut weights, totals: &mut totals, counts: &mut counts, sums: &mut sums, squares: &mut squares,
-//!     resolutions: &mut resolutions, bests: &mut bests,
+//!     resolutions: &mut resolutions, bests: &mut bests, keys: &mut [], samples: &mut [],
 //! };
 //! let lens = Pinhole::new(80.0, 80.0, 63.5, 47.5, 0.0)?;
 //! let camera = Camera::from_euler(lens, (128, 96), [0.0, 0.0, 1.5], 0.0, 0.3, 0.0)?;
 //! let (ground, distance) = (Ground::default(), (0.0, 20.0));
-//! let frame = Frame { camera, mask: None, ground: &ground, from: [0.0, 0.0], distance, weight: 1.0 };
+//! let frame = Frame { camera, mask: None, ground: &ground, from: [0.0, 0.0], distance, weight: 1.0, id: 0 };
+//! let kept = Kept { channels: 1, samples: 0, labels: false };
 //! let pixels = vec![77u8; 128 * 96];
 //! let image = ImageView::new(&pixels, (128, 96), 1)?;
-//! let counted = frame.add(&image, &window, Tile::new(SIDE, 1, layers)?, (0, 0), None)?;
+//! let counted = frame.add(&image, &window, Tile::new(SIDE, kept, layers)?, (0, 0), None)?;
 //! assert!(counted > 500);
 //! assert!(weights.iter().zip(&totals).all(|(weight, total)| *total == 77 * weight));
 //! # Ok(())
