@@ -208,21 +208,24 @@ def kills(args: argparse.Namespace) -> None:
     frames, random = 120, np.random.default_rng(0)
     whole = add_noise(None, frames)
     with tempfile.TemporaryDirectory() as folder:
-        killed = 0
+        killed = there = 0
         while killed < args.times:
             child = subprocess.Popen(
                 [sys.executable, __file__, "child", "--path", folder, "--frames", str(frames)], stdout=subprocess.PIPE
             )
             assert child.stdout is not None
-            child.stdout.readline()
-            time.sleep(random.uniform(0, 0.25))
+            reached = there + random.integers(1, 9)
+            while (line := child.stdout.readline()) and int(line) < min(reached, frames - 1):
+                pass
+            time.sleep(random.uniform(0, 0.03))
             if child.poll() is None:
                 child.send_signal(signal.SIGKILL)
                 killed += 1
             child.wait()
             child.stdout.close()
             with ipm_rs.Mosaic.load(folder) as mosaic:
-                print(f"killed {killed} times: {mosaic.frames} frames are there", flush=True)
+                there = mosaic.frames
+            print(f"killed {killed} times: {there} frames are there", flush=True)
         with add_noise(folder, frames) as mosaic:
             names = ("weighted", "best", "mean", "robust", "feathered", "std", "count", "density")
             one, other = (each.layers(names=names) for each in (whole, mosaic))
