@@ -122,12 +122,15 @@ def ring(args: argparse.Namespace) -> None:
         layers = mosaic.layers(x, y, names=("weighted", "mask"))
         residual = layers["weighted"] - averaged(road, grid)
         best = np.stack([one.layers(x, y, names="density")["density"] for one in alone.values()]).argmax(0)
-        steps = steps_at_seams(residual, best, layers["mask"], round(0.25 / args.cells), round(1.0 / args.cells))
-        print(
-            f"{args.kind} seed {seed}  {len(steps)} metres of seams  step {np.sqrt(np.mean(steps**2)):.2f} levels rms, "
-            f"{np.quantile(np.abs(steps), 0.95):.2f} at 95 %, {np.abs(steps).max():.2f} at most",
-            flush=True,
-        )
+        sizes = round(0.25 / args.cells), round(1.0 / args.cells)
+        beside = np.roll(best, 2 * [round(1.5 / args.cells)], (0, 1))  # lines like the seams, where there is none
+        for where, owner in (("of seams", best), ("beside them", beside)):
+            steps = steps_at_seams(residual, owner, layers["mask"], *sizes)
+            print(
+                f"{args.kind} seed {seed}  {len(steps)} metres {where}  step {np.sqrt(np.mean(steps**2)):.2f} rms, "
+                f"{np.quantile(np.abs(steps), 0.95):.2f} at 95 %, {np.abs(steps).max():.2f} at most",
+                flush=True,
+            )
 
 
 def steps_at_seams(residual: np.ndarray, owner: np.ndarray, mask: np.ndarray, depth: int, length: int) -> np.ndarray:

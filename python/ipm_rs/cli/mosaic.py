@@ -164,6 +164,7 @@ def run(args: argparse.Namespace) -> None:
     if args.ray is not None:
         mosaic_ray.check(args, sources, poses)
     with _opened(args) as mosaic:
+        _check_blend(mosaic, args.blend)
         done = Done()
         if args.ray is None:
             _add_all(mosaic, stream, cameras, poses, ground, args, done)
@@ -189,6 +190,17 @@ def _opened(args: argparse.Namespace) -> ipm_rs.Mosaic:
             samples = known.samples if args.samples is None else samples
             labels = labels or known.labels
     return ipm_rs.Mosaic(args.resolution, tile=args.tile, path=args.output, samples=samples, labels=labels)
+
+
+def _check_blend(mosaic: ipm_rs.Mosaic, blend: str | None) -> None:
+    """Refuse, before frames are added, to draw what the map does not keep."""
+    if blend in ("robust", "feathered") and not mosaic.samples:
+        raise ArgumentError(
+            f"--blend {blend}: expected a map that keeps samples, got one without; map into a new folder"
+        )
+    if blend is not None and blend != "best" and (blend == "labels") != mosaic.labels:
+        kinds = ("labels", "pictures") if mosaic.labels else ("pictures", "labels")
+        raise ArgumentError(f"--blend {blend}: expected a map of {kinds[1]}, got one of {kinds[0]}; choose another")
 
 
 class Done:
