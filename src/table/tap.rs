@@ -68,6 +68,11 @@ impl Tap {
         u32::from(self.y & !STEP)
     }
 
+    /// A packed fraction, with the nearest pixel the next one or not.
+    pub(crate) fn with_step(fraction: u16, step: bool) -> u16 {
+        if step { fraction | STEP } else { fraction & !STEP }
+    }
+
     /// Columns from the top-left pixel to the nearest: 0 or 1.
     #[inline]
     pub(crate) fn step_x(self) -> u32 {

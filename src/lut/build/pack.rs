@@ -7,7 +7,7 @@ use crate::cpu::Isa;
 use crate::error::Result;
 use crate::kernels::{Kinds, Row, Sampled, quantise_one};
 use crate::parallel::{self, Work};
-use crate::table::{Edges, RowEnd, RowSpans, SpanKind, Table, Tap, band_rows, framed};
+use crate::table::{BorderMode, Edges, RowEnd, RowSpans, SpanKind, Table, Tap, band_rows, framed};
 use crate::view::buffer;
 
 /// What memory is asked for, in errors.
@@ -147,7 +147,24 @@ fn folded_tap(u: f64, v: f64, (width, height): (u32, u32), edges: Edges) -> Tap 
     let (mut us, mut vs, [across, down]) = ([u], [v], edges.axes());
     across.fold(&mut us, width as usize, 1.0);
     down.fold(&mut vs, height as usize, 1.0);
-    framed_tap(us[0], vs[0], width)
+    let tap = framed_tap(us[0], vs[0], width);
+    Tap {
+        x: step_of_halves(tap.x, (u, us[0]), across, width as usize),
+        y: step_of_halves(tap.y, (v, vs[0]), down, height as usize),
+        ..tap
+    }
+}
+
+/// The packed fraction of a folded coordinate, where that is a half, with a step to the pixel that was nearest before: a
+/// mirror, and a repeated image of an odd size, turn a half's even neighbour into its odd one.
+fn step_of_halves(fraction: u16, (before, folded): (f64, f64), mode: BorderMode, size: usize) -> u16 {
+    let first = folded.floor();
+    // from 2^52 on there are no halves, but folding makes some
+    if !mode.repeats() || folded - first != 0.5 || before.fract() == 0.0 {
+        return fraction;
+    }
+    let nearest = mode.pixel(before.round_ties_even() as i64, size);
+    Tap::with_step(fraction, mode.pixel(first as i64, size) != nearest)
 }
 
 /// The tap of a cell on the rim or in the halo.
@@ -287,6 +304,30 @@ mod tests {
                 assert_eq!(spans.len(), columns.div_ceil(16_383));
                 assert_eq!(spans.iter().map(|span| span.cells).sum::<usize>(), columns);
                 assert_eq!(spans.iter().map(|s| s.taps.len()).sum::<usize>(), [columns, 0][row]);
+            }
+        }
+    }
+
+    /// Of halves the even neighbour, as without a table: before a mirror turns it into the odd one.
+    #[test]
+    fn halves_beyond_the_image_go_to_their_even_neighbour() {
+        use crate::{ImageView, Interpolation, Lut, WarpOptions};
+        let image: Vec<u8> = (0..20).collect();
+        let view = ImageView::new(&image, (5, 4), 1).unwrap();
+        let options = WarpOptions { interpolation: Interpolation::Nearest, ..WarpOptions::default() };
+        let places: Vec<f64> = (-60..60).map(|half| f64::from(half) / 2.0).collect();
+        for mode in BorderMode::ALL.into_iter().filter(|mode| mode.repeats()) {
+            for other in [0.0, 1.25, -7.5] {
+                let others = vec![other; places.len()];
+                for (us, vs) in [(&places, &others), (&others, &places)] {
+                    let lut = Lut::from_maps_with(us, vs, places.len(), SOURCE, mode, false).unwrap();
+                    let got = lut.warp(&view, &options).unwrap();
+                    for (cell, &value) in got.iter().enumerate() {
+                        let pixel = |at: f64, size| mode.pixel(at.round_ties_even() as i64, size).unwrap();
+                        let expected = pixel(vs[cell], 4) * 5 + pixel(us[cell], 5);
+                        assert_eq!(usize::from(value), expected, "{mode:?} at {} {}", us[cell], vs[cell]);
+                    }
+                }
             }
         }
     }
