@@ -17,7 +17,7 @@ use crate::error::{Error, Result, TableError};
 use crate::grid::BevGrid;
 use crate::ground::Ground;
 use crate::table::{BorderMode, Table};
-pub(crate) use build::{check_homography, homography_row};
+pub(crate) use build::{Disc, check_homography, homography_row};
 pub(crate) use density::Resolution;
 pub(crate) use derived::Derivative;
 use derived::Derived;

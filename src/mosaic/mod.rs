@@ -42,7 +42,7 @@ use crate::cpu::Isa;
 use crate::error::{Error, MosaicError, Result};
 use crate::grid::BevGrid;
 use crate::ground::Ground;
-use crate::lut::{Lut, Resolution};
+use crate::lut::{Disc, Lut, Resolution};
 use crate::parallel::{self, Work};
 use crate::view::{ImageMask, ImageView, ImageViewMut, buffer};
 use crate::warp::{Interpolation, WarpOptions};
@@ -72,7 +72,11 @@ pub struct Frame<'a> {
 impl Frame<'_> {
     /// The table of the cells of a window that the camera sees.
     fn table(&self, window: &BevGrid) -> Result<Lut> {
-        let lut = Lut::new(&self.camera, window, self.ground)?;
+        // what is too far away does not count: a fifth of the windows, which need not be sampled. Two cells more, so that
+        // the cells at the rim have neighbours, and a footprint
+        let (along, across) = window.resolution();
+        let disc = Disc { center: self.from, radius: self.distance.1 + 2.0 * along.max(across) };
+        let lut = Lut::within(&self.camera, window, self.ground, disc)?;
         match self.mask {
             Some(mask) => lut.masked(mask),
             None => Ok(lut),

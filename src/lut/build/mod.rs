@@ -11,6 +11,8 @@ mod projective;
 mod surface;
 mod window;
 
+use std::ops::Range;
+
 use bent::{BentRow, Offsets};
 use nalgebra::{Matrix3, Vector3};
 pub(crate) use projective::ProjectiveRow;
@@ -26,6 +28,25 @@ use crate::ground::{Ground, Plane};
 use crate::kernels::Row;
 use crate::table::{BorderMode, Edges, Table};
 use crate::view::check_image_size;
+
+/// A disc on the ground, outside which a table need not say anything.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Disc {
+    pub(crate) center: [f64; 2],
+    pub(crate) radius: f64,
+}
+
+impl Disc {
+    /// The columns of the row at `x` that lie within it; `ys` of the columns descend.
+    fn columns(&self, x: f64, ys: &[f64]) -> Range<usize> {
+        let squared = self.radius.powi(2) - (x - self.center[0]).powi(2);
+        if squared < 0.0 {
+            return 0..0;
+        }
+        let (middle, half) = (self.center[1], squared.sqrt());
+        ys.partition_point(|&y| y > middle + half)..ys.partition_point(|&y| y >= middle - half)
+    }
+}
 
 /// A row of a grid on a plane road in the camera frame: `origin + step * y`.
 struct GroundRow {
@@ -74,9 +95,25 @@ impl Lut {
     /// # Errors
     /// Those of [`Lut::new`], and [`TableError::Transparent`](crate::error::TableError::Transparent).
     pub fn new_with(camera: &Camera, grid: &BevGrid, ground: &Ground, mode: BorderMode) -> Result<Self> {
+        Self::build(camera, grid, ground, mode, None)
+    }
+
+    /// [`Lut::new`] that says nothing of cells outside a disc.
+    ///
+    /// # Errors
+    /// Those of [`Lut::new`].
+    pub(crate) fn within(camera: &Camera, grid: &BevGrid, ground: &Ground, disc: Disc) -> Result<Self> {
+        Self::build(camera, grid, ground, BorderMode::Constant, Some(disc))
+    }
+
+    fn build(camera: &Camera, grid: &BevGrid, ground: &Ground, mode: BorderMode, disc: Option<Disc>) -> Result<Self> {
         let edges = Edges::new(mode, camera.is_panorama())?;
         let isa = Isa::active()?;
         let ys = Row::collected((0..grid.columns()).map(|column| grid.y_of_column(column as f64)))?;
+        let wanted = |row: usize| match &disc {
+            Some(disc) => disc.columns(grid.x_of_row(row as f64), &ys[..]),
+            None => 0..ys.len(),
+        };
         let (shape, intrinsics) = ((grid.rows(), grid.columns()), camera.intrinsics());
         let table = match ground {
             Ground::Plane(plane) => {
@@ -91,6 +128,9 @@ impl Lut {
                         Some(rows) => rows.columns(&origin),
                         None => 0..grid.columns(),
                     };
+                    let wanted = wanted(row);
+                    let first = columns.start.max(wanted.start);
+                    let columns = first..columns.end.min(wanted.end).max(first);
                     (GroundRow { origin, step }, columns)
                 };
                 match camera.lens() {
@@ -116,7 +156,7 @@ impl Lut {
                 let surface = Surface::new(camera, map, &ys)?;
                 Table::build(shape, camera.image_size(), edges, isa, |row, us, vs| {
                     surface.fill(isa, grid.x_of_row(row as f64), us, vs)?;
-                    Ok(0..us.len())
+                    Ok(wanted(row))
                 })
             }
         }?;
