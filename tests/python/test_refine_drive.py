@@ -84,6 +84,21 @@ def test_two_degrees_and_a_tenth_of_the_height_are_found():
     assert "pitch" in str(found) and "correlate" in str(found)
 
 
+def test_the_answer_is_the_same_on_any_number_of_threads():
+    images, poses = drive(3, tuple(np.radians([0.2, -0.2, 0.1])))
+    before = ipm_rs.get_num_threads()
+    found = []
+    try:
+        for threads in (1, 3):
+            ipm_rs.set_num_threads(threads)
+            found.append(refine.from_drive(turned(TRUE, pitch=0.01), images, poses, grid=GRID))
+    finally:
+        ipm_rs.set_num_threads(before)
+    for other in found[1:]:
+        assert other.camera == found[0].camera and (other.before, other.after) == (found[0].before, found[0].after)
+        np.testing.assert_array_equal(other.covariance, found[0].covariance)
+
+
 def test_the_default_road_is_the_own_lane():
     images, poses = drive()
     found = refine.from_drive(START, images[:2], poses[:2])

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ipm_rs._core import get_num_threads
 
-__all__ = ["CUT", "correlation", "exposed", "in_threads", "weights_of"]
+__all__ = ["CUT", "correlation", "exposed", "in_threads", "median", "weights_of"]
 
 Matrix = NDArray[np.float64]
 T = TypeVar("T")
@@ -31,9 +31,9 @@ def exposed(values: Matrix, there: Matrix, spread: float | None, J: Matrix | Non
     off = values - there
     if not len(off):
         return off, J
-    off = off - np.median(off)
+    off = off - median(off)
     for _ in range(2):
-        weights = weights_of(off, 1.4826 * float(np.median(np.abs(off))) if spread is None else spread)
+        weights = weights_of(off, 1.4826 * median(np.abs(off)) if spread is None else spread)
         total = float(weights.sum())
         if not total > 0:
             return off, J
@@ -50,6 +50,14 @@ def exposed(values: Matrix, there: Matrix, spread: float | None, J: Matrix | Non
     return off, J
 
 
+def median(values: Matrix) -> float:
+    """Return the median of a list that is not empty and has no NaN: `np.median` looks for NaN three times as long."""
+    middle = len(values) // 2
+    if len(values) % 2:
+        return float(np.partition(values, middle)[middle])
+    return float(np.partition(values, (middle - 1, middle))[middle - 1 : middle + 1].mean())
+
+
 def _dot(a: Matrix, b: Matrix) -> float:
     """Return the sum of products.
 
@@ -60,11 +68,15 @@ def _dot(a: Matrix, b: Matrix) -> float:
 
 
 def weights_of(off: Matrix, spread: float) -> Matrix:
-    share = np.minimum((off / (CUT * spread)) ** 2, 1.0) if spread > 0 else np.ones_like(off)
-    return (1.0 - share) ** 2
+    if not spread > 0:
+        return np.zeros_like(off)
+    share = off * (1.0 / (CUT * spread))
+    share *= share
+    rest = 1.0 - np.minimum(share, 1.0, out=share)
+    return np.multiply(rest, rest, out=rest)
 
 
-def correlation(a: Matrix, b: Matrix) -> float:
+def correlation(a: NDArray[np.floating[Any]], b: NDArray[np.floating[Any]]) -> float:
     """Return the correlation of two lists; 0 where one has no contrast, -1 of fewer than ten."""
     if len(a) < 10:
         return -1.0

@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 
 from ipm_rs.errors import CalibrationError
 from ipm_rs.refine._alignment import Alignment, Solved
-from ipm_rs.refine._road import OF_EACH, Pose, Road, Sight
+from ipm_rs.refine._loss import in_threads
+from ipm_rs.refine._road import OF_EACH, Pair, Pose, Road, Sight
 from ipm_rs.refine._solve import Normal, inverse_of, minimise, patches_of, scatter_of
 
 __all__ = ["Nodding"]
@@ -116,7 +117,7 @@ class Nodding:
         drive, pose = self.drive, self._with_sways(plain.pose)
         if self._told(self._equations(pose, plain.free, drive.levels[0]), pose).gain > _NOTICED:
             return True
-        return any(self._step(pose, pair, drive.coarsest) for pair in range(len(drive.road.pairs)))
+        return any(self._steps(pose, drive.coarsest))
 
     # ------------------------------------------------------------------------------------------------------------------
     # What the pictures tell
@@ -224,7 +225,7 @@ class Nodding:
         level = self.drive.coarsest
         pose = self._walked(pose, free, level)
         for _ in range(_ROUNDS):
-            steps = [self._step(pose, pair, level) for pair in range(len(self.drive.road.pairs))]
+            steps = self._steps(pose, level)
             if not any(steps):
                 break
             sways = pose.sways.copy()
@@ -235,11 +236,15 @@ class Nodding:
             pose = self._walked(pose._replace(sways=sways), free, level)
         return pose
 
-    def _step(self, pose: Pose, number: int, level: int) -> float:
-        """Return how much more nod between its two pictures makes a pair fit best."""
-        drive, pair = self.drive, self.drive.road.pairs[number]
+    def _steps(self, pose: Pose, level: int) -> list[float]:
+        """Return for each pair how much more nod between its two pictures makes it fit best."""
+        road = self.drive.road
+        sights = road.sights(pose, self.drive.area, level, 1000)
+        return in_threads(lambda item: self._step(pose, *item, level), list(zip(road.pairs, sights, strict=True)))
+
+    def _step(self, pose: Pose, pair: Pair, sight: Sight, level: int) -> float:
+        drive, sights = self.drive, [sight]
         road = Road(drive.road.eye, drive.road.pyramids, [pair], drive.ground, drive.of_camera)
-        sights = road.sights(pose, drive.area, level, 1000)
         spread = 0.5 * road.spread(pose, sights, level)
         if not spread > 0:
             return 0.0

@@ -162,7 +162,7 @@ class Road:
     def _sight(self, pose: Pose, pair: Pair, pixels: Matrix, rays: Matrix, level: int, most: int) -> Sight:
         twice = np.isfinite(self.residuals(pose, pair, Sight(rays, rays[:, 0]), level, slopes=False)[0])
         pixels, rays = pixels[twice], rays[twice]
-        values, slopes = self._brightness(self.pyramids[pair.first], level, pixels)
+        values, slopes = self.pyramids[pair.first].sample_with_slopes(level, pixels)
         if len(pixels) > most:
             # Of every two neighbours the steeper: of all places the steepest would mostly be those of moving things.
             steep = np.nan_to_num(np.hypot(slopes[:, 0], slopes[:, 1]))
@@ -170,15 +170,6 @@ class Road:
             keep = even + (steep[even + 1] > steep[even])
             rays, values = rays[keep], values[keep]
         return Sight(rays, values)
-
-    @staticmethod
-    def _brightness(pyramid: Pyramid, level: int, pixels: Matrix) -> tuple[Matrix, Matrix]:
-        """Brightness at pixels of the whole picture, and its slope there, a pixel of the level wide."""
-        half = 0.5 * 2.0**level
-        beside = np.array([[0.0, 0.0], [half, 0.0], [-half, 0.0], [0.0, half], [0.0, -half]])
-        values = pyramid.sample(level, pixels + beside[:, None])
-        slopes = np.stack([values[1] - values[2], values[3] - values[4]], -1) / (2.0 * half)
-        return values[0], slopes
 
     # ------------------------------------------------------------------------------------------------------------------
     # Residuals
@@ -211,7 +202,7 @@ class Road:
             return pyramid.sample(level, self._shown(self.eye.pixels(seen), level)), None
         pixels, by_point = self.eye.slopes(seen)
         pixels = self._shown(pixels, level)
-        values, steep = self._brightness(pyramid, level, pixels)
+        values, steep = pyramid.sample_with_slopes(level, pixels)
         by_seen = np.einsum("ni,nij->nj", steep, by_point)  # by the point in the second camera's frame
         if self.of_camera:
             along = np.einsum("nj,nj->n", by_seen @ pair.motion[:3, :3], rays) / slant
