@@ -23,6 +23,7 @@ from ipm_rs.errors import ArgumentError, ArgumentTypeError, CalibrationError, Ca
 from ipm_rs.refine._inputs import guarded, numbers_of
 from ipm_rs.refine._pictures import grey_of
 from ipm_rs.refine._ring import Ring
+from ipm_rs.refine._ringcovariance import covariance_of
 from ipm_rs.refine._ringsearch import searched
 from ipm_rs.refine._road import PARAMETERS
 from ipm_rs.rig import Rig, RigLut
@@ -175,7 +176,7 @@ def _fitted(rig: Rig, ring: Ring) -> RigFit:
         )
     before = ring.agreement(ring.start)
     held: dict[str, str] = {}
-    state = searched(ring)
+    state = placed = searched(ring)
     while True:
         state = ring.solved(state, ring.levels[-1:])
         after = ring.agreement(state)
@@ -186,12 +187,12 @@ def _fitted(rig: Rig, ring: Ring) -> RigFit:
         if astray is None and unlike is None:
             break
         if astray is None and unlike is not None:
-            state = ring.hold(unlike, state)
+            state = placed = ring.hold(unlike, placed)  # without what it has led the others to
             held[unlike] = "no pose was found with which its views agree as those of the others do"
             continue
         assert astray is not None
         name, pair = astray
-        state = ring.hold(name, state)
+        state = placed = ring.hold(name, placed)
         held[name] = f"its view and that of {pair[0] if pair[1] == name else pair[1]} would agree less than as given"
         if not ring.free:
             raise CalibrationError(
@@ -199,7 +200,7 @@ def _fitted(rig: Rig, ring: Ring) -> RigFit:
                 f"correlate with {after[pair]:.2f}, {before.get(pair, math.nan):.2f} before; hide the own car with "
                 "camera.masked(), pass a grid= of road that is flat, more instants, or a smaller prior="
             )
-    covariance = ring.covariance(state)
+    covariance = covariance_of(ring, state)
     moved = {name: rig[name].with_pose(state[name].camera_from_vehicle) for name in ring.free}
     found = Rig({name: moved.get(name, camera) for name, camera in rig.items()})
     kept = {ring.fixed: "the others are fitted to it"} | held

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Mapping, Sequence
 from functools import partial
@@ -14,22 +15,25 @@ from ipm_rs._core import BevGrid, Camera, Lut, Plane
 from ipm_rs.refine._loss import CUT, correlation, exposed, in_threads, weights_of
 from ipm_rs.refine._motion import angles_of, axes_of_angles
 from ipm_rs.refine._road import Pose, pose_of_camera, square
-from ipm_rs.refine._solve import Normal, inverse_of, minimise, patched, scatter_of
+from ipm_rs.refine._solve import Normal, minimise
 
 __all__ = ["Ring", "State"]
 
 Matrix = NDArray[np.float64]
 State = dict[str, Pose]
 Cells = Mapping[tuple[str, str], NDArray[np.bool_]]
+Masks = tuple[NDArray[np.bool_], NDArray[np.bool_]]
 
 _LEVELS = (8, 4, 2, 1)
 """Cells that the views are compared in, in finest ones: half a height of the camera first."""
 _FEWEST_CELLS = 100
-_RESOLVED = 0.5
-"""Pixels a cell in the worse direction: what is resolved less is smear."""
-_SAMPLED = 0.15
-"""Pixels by which sampling puts all views off alike: see `_alignment`. Chosen on seed 0 of `scripts/try_refine.py ring
-pinhole6`, whose narrow overlaps are looked at from the edges of two pictures; of fisheyes it is too much."""
+_RESOLVED, _SMEARED = 0.5, 0.2
+"""Pixels a cell in the worse direction: what is resolved less is smear, which is better than nothing."""
+_NARROW_CELLS = 400
+"""Below which an overlap is narrow, and what it shows smeared is looked at too."""
+_FARTHEST = 4.0
+"""Standard deviations of what cameras are likely to be off by, beyond which none is sought: on a real ring views that
+are alike by chance led one 17 degrees away."""
 _UNLIKE = 0.75
 """Of the median of all pairs: a camera whose views agree less than this part of it, with each neighbour, is misplaced.
 In two of three synthetic rings one of five was, by 1 to 3 degrees, with 0.47 and 0.60 where others had 0.98."""
@@ -39,10 +43,16 @@ class View(NamedTuple):
     """Pictures of one camera from above, instant by instant, and their derivatives by its four parameters."""
 
     pictures: list[Matrix]
-    slopes: list[Matrix]
-    """(M, 4) of each instant, of the cells that are compared."""
+    steeps: list[Matrix]
+    """(M, 2) of each instant: how brightness falls along x and y, in the cells that are compared."""
+    flows: Matrix
+    """(M, 2, P): how what a cell shows moves along x and y with each parameter, and with a pixel right and down."""
     rows: NDArray[np.intp]
-    """(rows, columns): which row of the slopes is a cell's."""
+    """(rows, columns): which row of these is a cell's."""
+
+    def slopes(self, instant: int) -> Matrix:
+        """(M, P) derivatives of an instant's brightness by the parameters."""
+        return _along(self.flows, self.steeps[instant])
 
 
 class Ring:
@@ -82,7 +92,7 @@ class Ring:
         self.start: State = {name: pose_of_camera(camera) for name, camera in cameras.items()}
         self.levels = _LEVELS
         self.grids = {level: self._coarser(level) for level in _LEVELS}
-        self.pairs = [pair for pair, cells in self.overlaps(self.start, 1).items() if cells.sum() >= _FEWEST_CELLS]
+        self.pairs = self._possible()
         told, more = {fixed}, True
         while more:
             reached = {name for pair in self.pairs if told & set(pair) for name in pair}
@@ -101,19 +111,32 @@ class Ring:
         camera = self.cameras[name].with_pose(state[name].camera_from_vehicle)
         return Lut(camera, self.grids[level], ground=self.ground)
 
+    def _possible(self) -> list[tuple[str, str]]:
+        """Return pairs that see the same road as given, or turned by what they are likely to be off by."""
+        names, turn = list(self.cameras), float(self.likely[2])
+
+        def turned(name: str) -> list[Masks]:
+            poses = [self.start[name].moved(np.array([yaw]), (2,)) for yaw in (0.0, -turn, turn)]
+            return [self._seen({name: pose}, name, 1) for pose in poses]
+
+        masks = dict(zip(names, in_threads(turned, names), strict=True))
+        found = []
+        for a, b in ((a, b) for k, b in enumerate(names) for a in names[:k]):
+            tried = itertools.product(masks[a], masks[b])
+            if any(int(_shared(one, other, 1).sum()) >= _FEWEST_CELLS for one, other in tried):
+                found.append((a, b))
+        return found
+
+    def _seen(self, state: State, name: str, level: int) -> Masks:
+        """Return which cells a camera resolves, and which it shows at least smeared, with their neighbours."""
+        lut = self.lut(state, name, level)
+        return _inner(lut.mask & lut.resolved_mask(_RESOLVED)), _inner(lut.mask & lut.resolved_mask(_SMEARED))
+
     def overlaps(self, state: State, level: int) -> dict[tuple[str, str], NDArray[np.bool_]]:
         """Return which cells two cameras see and resolve, with their neighbours, for each two."""
-
-        def seen(name: str) -> NDArray[np.bool_]:
-            lut = self.lut(state, name, level)
-            mask = lut.mask & lut.resolved_mask(_RESOLVED)
-            inner = np.zeros_like(mask)
-            inner[1:-1, 1:-1] = mask[1:-1, 1:-1] & mask[:-2, 1:-1] & mask[2:, 1:-1] & mask[1:-1, :-2] & mask[1:-1, 2:]
-            return inner
-
-        masks = dict(zip(self.cameras, in_threads(seen, self.cameras), strict=True))
         names = list(self.cameras)
-        return {(a, b): masks[a] & masks[b] for k, b in enumerate(names) for a in names[:k]}
+        masks = dict(zip(names, in_threads(lambda name: self._seen(state, name, level), names), strict=True))
+        return {(a, b): _shared(masks[a], masks[b], level) for k, b in enumerate(names) for a in names[:k]}
 
     # ------------------------------------------------------------------------------------------------------------------
 
@@ -127,7 +150,8 @@ class Ring:
     ) -> tuple[str, tuple[str, str]] | None:
         """Return the free camera of the pair that agrees so much less than before, and the pair; None if none does."""
         lost = {
-            pair: before.get(pair, -1.0) - after.get(pair, -1.0)
+            # of views that show no road together any more nothing is known: as if they had nothing in common
+            pair: before.get(pair, -1.0) - after.get(pair, 0.0)
             for pair in {*before, *after}
             if set(pair) & set(self.free) and pair in self.pairs
         }
@@ -153,15 +177,15 @@ class Ring:
         """Return the poses near others with which the views agree, from coarse cells to fine ones."""
         for level in levels:
             for _ in range(2):  # the second time with the cells, and the spread, of better poses
-                chosen = self._chosen(state, level)
-                spread = self._spread(state, chosen, level)
-                if not (chosen and spread > 0):
+                chosen = self.chosen(state, level)
+                spreads = self.spreads(state, chosen, level)
+                if not spreads:
                     break
-                evaluate = partial(self._normal, chosen, spread, level)
+                evaluate = partial(self.normal, chosen, spreads, level)
                 state, _ = minimise(evaluate, state, self._moved, iterations=10, tolerance=1e-5 if level > 1 else 1e-6)
         return state
 
-    def _chosen(self, state: State, level: int) -> Cells:
+    def chosen(self, state: State, level: int) -> Cells:
         cells = self.overlaps(state, level)
         return {pair: cells[pair] for pair in self.pairs if cells[pair].sum() >= 20}
 
@@ -171,11 +195,13 @@ class Ring:
             moved[name] = state[name].moved(step[4 * index : 4 * index + 4], range(4))
         return moved
 
-    def views(self, state: State, level: int, chosen: Cells) -> dict[str, View]:
-        """Return what the cameras see from above, and the derivatives by roll, pitch, yaw and height where chosen."""
+    def views(self, state: State, level: int, chosen: Cells, shifted: bool = False) -> dict[str, View]:
+        """Return what the cameras see from above, and how it moves with roll, pitch, yaw and height where chosen.
+
+        Where `shifted` is asked for also with the picture, by a pixel to the right and by one down.
+        """
         grid = self.grids[level]
         xy = grid.xy()
-        normal = self.ground.normal
 
         def view(name: str) -> View:
             at = np.zeros(grid.shape, bool)
@@ -184,37 +210,61 @@ class Ring:
             rows = (np.cumsum(at) - 1).reshape(grid.shape)
             points = np.column_stack([xy[at], self.ground.height_at(xy[at])])
             pose, lut = state[name], self.lut(state, name, level)
+            camera = self.cameras[name].with_pose(pose.camera_from_vehicle)
             pictures = [
                 np.asarray(lut.warp(images[name], interpolation="area", threads=1), dtype=np.float64)
                 for images in self.instants
             ]
-            if name not in self.free:
-                return View(pictures, [], rows)
-            away = points - pose.position
-            _, pitch, yaw = angles_of(square(pose.rotation))
-            axes = axes_of_angles(pitch, yaw)
-            # What a pixel shows goes with its ray: where that meets the road after a turn, or a lift, of the camera.
-            leads = [np.cross(axes[:, k], away) for k in range(3)]
-            leads.append(np.broadcast_to([0.0, 0.0, 1.0], away.shape))
-            under = np.einsum("nj,j->n", away, normal)
-            flows = []
-            for lead in leads:
-                share = np.einsum("nj,j->n", lead, normal) / under
-                flows.append(lead[:, :2] - share[:, None] * away[:, :2])
-            slopes = []
+            steeps = []
             for picture in pictures:
                 # rows go back along x, columns along y
                 down, right = (np.gradient(picture, cell, axis=k)[at] for k, cell in enumerate(grid.resolution))
-                slopes.append(np.stack([down * flow[:, 0] + right * flow[:, 1] for flow in flows], axis=-1))
-            return View(pictures, slopes, rows)
+                steeps.append(np.stack([down, right], axis=-1))
+            flows = np.zeros((len(points), 2, 6 if shifted else 4))
+            if name in self.free:
+                flows[:, :, :4] = self._flows(points, pose)
+            if shifted:
+                flows[:, :, 4:] = self._shifts(points, camera, grid.resolution[0])
+            return View(pictures, steeps, flows, rows)
 
         names = [name for name in self.cameras if any(name in pair for pair in chosen)]
         return dict(zip(names, in_threads(view, names), strict=True))
 
-    def _differences(
+    def _flows(self, points: Matrix, pose: Pose) -> Matrix:
+        """(N, 2, 4): how what a camera shows at points of the road moves with its roll, pitch, yaw and height."""
+        away, normal = points - pose.position, self.ground.normal
+        _, pitch, yaw = angles_of(square(pose.rotation))
+        axes = axes_of_angles(pitch, yaw)
+        # What a pixel shows goes with its ray: where that meets the road after a turn, or a lift, of the camera.
+        leads = [np.cross(axes[:, k], away) for k in range(3)]
+        leads.append(np.broadcast_to([0.0, 0.0, 1.0], away.shape))
+        under = np.einsum("nj,j->n", away, normal)
+        shares = [np.einsum("nj,j->n", lead, normal) / under for lead in leads]
+        return np.stack(
+            [lead[:, :2] - share[:, None] * away[:, :2] for lead, share in zip(leads, shares, strict=True)], -1
+        )
+
+    def _shifts(self, points: Matrix, camera: Camera, cell: float) -> Matrix:
+        """(N, 2, 2): how far apart along x and y the road is that two pixels beside, and below, each other show."""
+        ends = []
+        for step in 0.5 * cell * np.eye(2):
+            either = [points[:, :2] + sign * step for sign in (1.0, -1.0)]
+            pixels = [camera.project(np.column_stack([xy, self.ground.height_at(xy)]))[0] for xy in either]
+            ends.append((pixels[0] - pixels[1]) / cell)
+        (a, c), (b, d) = (np.nan_to_num(end).T for end in ends)  # [[a, b], [c, d]]: pixels by metres
+        whole = a * d - b * c
+        inverse = np.stack([np.stack([d, -b], -1), np.stack([-c, a], -1)], -2)
+        return np.where(np.abs(whole) > 1e-9, 1.0 / whole, 0.0)[:, None, None] * inverse
+
+    def differences(
         self, views: Mapping[str, View], pair: tuple[str, str], cells: NDArray[np.bool_], spread: float | None
     ) -> list[tuple[Matrix, Matrix, float, NDArray[np.bool_]]]:
-        """Return for each instant how two views differ, the derivatives (N, 8), what part is seen, and where."""
+        """Return for each instant how two views differ, the derivatives (N, 2, 2 P), what part is seen, and where.
+
+        The derivatives are told by the brightness of the one view, and by that of the other: what both have in common
+        is the road, what they do not is noise. By their own views alone it would be taken for road, and the poses for
+        better known than they are: by five times, in a narrow overlap.
+        """
         found = []
         for instant in range(len(self.instants)):
             one, other = (views[name].pictures[instant] for name in pair)
@@ -222,21 +272,37 @@ class Ring:
             if both.sum() < 10:
                 continue
             there, values = one[both], other[both]
-            ratio = float(np.clip(values.std() / max(there.std(), 1e-9), 0.5, 2.0))
-            J = np.zeros((len(values), 8))
-            for column, (name, sign) in enumerate(zip(pair, (-ratio, 1.0), strict=True)):
-                if name in self.free:
-                    J[:, 4 * column : 4 * column + 4] = sign * views[name].slopes[instant][views[name].rows[both]]
-            off, J = exposed(values, there, spread, J if spread is not None else None)
+            J = None
+            if spread is not None:
+                ratio = float(np.clip(values.std() / max(there.std(), 1e-9), 0.5, 2.0))
+                at = [views[name].rows[both] for name in pair]
+                flows = [views[name].flows[rows] for name, rows in zip(pair, at, strict=True)]
+                steeps = [views[name].steeps[instant][rows] for name, rows in zip(pair, at, strict=True)]
+                by_either = [
+                    (-_along(flows[0], steep), _along(flows[1], steep)) for steep in (ratio * steeps[0], steeps[1])
+                ]
+                J = np.concatenate([*by_either[0], *by_either[1]], axis=1)
+            off, J = exposed(values, there, spread, J)
+            J = np.zeros((len(off), 2, 0)) if J is None else J.reshape(len(off), 2, -1)
             found.append((off, J, float(cells.sum()) / len(off), both))
         return found
 
-    def _spread(self, state: State, chosen: Cells, level: int) -> float:
-        views = self.views(state, level, chosen)
-        off = [each[0] for pair, cells in chosen.items() for each in self._differences(views, pair, cells, None)]
-        return 1.4826 * float(np.median(np.abs(np.concatenate(off)))) if off else math.nan
+    def spreads(self, state: State, chosen: Cells, level: int) -> dict[tuple[str, str], float]:
+        """Return the standard deviation of how two views differ, of each pair that can be compared.
 
-    def _columns(self, pair: tuple[str, str]) -> list[int]:
+        Each pair has its own: what two cameras show smeared differs more, and by the others' it would count as much as
+        what they show clearly, and put all of them off. None is below a third of the usual: a road may have no grain.
+        """
+        views = self.views(state, level, chosen)
+        found = {}
+        for pair, cells in chosen.items():
+            off = [each[0] for each in self.differences(views, pair, cells, None)]
+            if off:
+                found[pair] = 1.4826 * float(np.median(np.abs(np.concatenate(off))))
+        least = float(np.median(list(found.values()))) / 3.0 if found else 0.0
+        return {pair: max(spread, least) for pair, spread in found.items() if max(spread, least) > 0.0}
+
+    def columns(self, pair: tuple[str, str]) -> list[int]:
         """Return where the eight derivatives of a pair belong; those of the fixed camera nowhere, -1."""
         columns = []
         for name in pair:
@@ -244,27 +310,29 @@ class Ring:
             columns += [first + k if first >= 0 else -1 for k in range(4)]
         return columns
 
-    def _normal(self, chosen: Cells, spread: float, level: int, state: State) -> Normal:
+    def normal(self, chosen: Cells, spreads: Mapping[tuple[str, str], float], level: int, state: State) -> Normal:
+        """Return the normal equations of Tukey's loss, in standard deviations."""
         size = 4 * len(self.free)
         views = self.views(state, level, chosen)
         cost, gradient, hessian = 0.0, np.zeros(size), np.zeros((size, size))
-        most = CUT**2 / 6.0 * spread**2
-        for pair, cells in chosen.items():
-            columns = self._columns(pair)
+        for pair, spread in spreads.items():
+            columns = self.columns(pair)
             kept = [k for k, column in enumerate(columns) if column >= 0]
             where = [columns[k] for k in kept]
-            for off, J, whole, _ in self._differences(views, pair, cells, spread):
-                J = J[:, kept]
+            for off, J, whole, _ in self.differences(views, pair, chosen[pair], spread):
+                J = J.mean(1)[:, kept] / spread
                 share = np.minimum((off / (CUT * spread)) ** 2, 1.0)
                 weighted = weights_of(off, spread)[:, None] * J
-                cost += whole * float((most * (1.0 - (1.0 - share) ** 3)).sum())
-                gradient[where] += whole * np.einsum("np,n->p", weighted, off)
+                cost += whole * float((CUT**2 / 6.0 * (1.0 - (1.0 - share) ** 3)).sum())
+                gradient[where] += whole * np.einsum("np,n->p", weighted, off / spread)
                 hessian[np.ix_(where, where)] += whole * np.einsum("np,nq->pq", weighted, J)
         for index, name in enumerate(self.free):
             turned = np.array(angles_of(square(state[name].rotation))) - angles_of(square(self.start[name].rotation))
             turned = (turned + math.pi) % (2.0 * math.pi) - math.pi
             away = np.array([*turned, state[name].position[2] - self.start[name].position[2]])
-            strength = (spread / self.likely) ** 2
+            if (np.abs(away) > _FARTHEST * self.likely).any():
+                return Normal(math.inf, np.zeros(size), np.eye(size))
+            strength = self.likely**-2
             at = slice(4 * index, 4 * index + 4)
             cost += 0.5 * float((strength * away**2).sum())
             gradient[at] += strength * away
@@ -273,36 +341,9 @@ class Ring:
 
     # ------------------------------------------------------------------------------------------------------------------
 
-    def covariance(self, state: State) -> Matrix:
-        """(4 N, 4 N) of roll, pitch, yaw and height of the free cameras: from how much patches of the road disagree."""
-        chosen = self._chosen(state, 1)
-        spread, views = self._spread(state, chosen, 1), self.views(state, 1, chosen)
-        normal = self._normal(chosen, spread, 1, state)
-        size = 4 * len(self.free)
-        likely = np.tile(self.likely, len(self.free))
-        inverse = inverse_of(normal.hessian)
-        if inverse is None:
-            return np.diag(likely**2)
-        middle = np.zeros((size, size))
-        xy = self.grids[1].xy()
-        for pair, cells in chosen.items():
-            columns = self._columns(pair)
-            kept = [k for k, column in enumerate(columns) if column >= 0]
-            places, pulls = [], []
-            for off, J, whole, both in self._differences(views, pair, cells, spread):
-                places.append(np.column_stack([xy[both], np.zeros(len(off))]))
-                pulls.append(whole * (weights_of(off, spread) * off)[:, None] * J[:, kept])
-            if places:
-                where = [columns[k] for k in kept]
-                together = patched(np.concatenate(places), np.concatenate(pulls), size=self.height)
-                middle[np.ix_(where, where)] += scatter_of(together)
-        angles = [_SAMPLED / float(self.cameras[name].intrinsics[0, 0]) for name in self.free]
-        least = np.concatenate([[a, a, a, 5.0 * a * self.height] for a in angles])
-        return np.asarray(inverse @ middle @ inverse + np.diag(least**2), dtype=np.float64)
-
     def agreement(self, state: State) -> dict[tuple[str, str], float]:
         """Return the correlation of the views of each pair, the mean of the instants."""
-        chosen = self._chosen(state, 1)
+        chosen = self.chosen(state, 1)
         views = self.views(state, 1, chosen)
         found = {}
         for pair, cells in chosen.items():
@@ -312,3 +353,21 @@ class Ring:
                 scores.append(correlation(one[cells], other[cells]))
             found[pair] = float(np.mean(scores))
         return found
+
+
+def _along(flows: Matrix, steeps: Matrix) -> Matrix:
+    """(N, P) change of brightness (N, 2) steep along flows (N, 2, P)."""
+    return np.asarray(np.einsum("ni,nip->np", steeps, flows), dtype=np.float64)
+
+
+def _shared(one: Masks, other: Masks, level: int) -> NDArray[np.bool_]:
+    """Return what two cameras see: where that is little, also what they show smeared."""
+    clear = one[0] & other[0]
+    return one[1] & other[1] if int(clear.sum()) * level**2 < _NARROW_CELLS else clear
+
+
+def _inner(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return the cells whose four neighbours are in a mask too."""
+    inner = np.zeros_like(mask)
+    inner[1:-1, 1:-1] = mask[1:-1, 1:-1] & mask[:-2, 1:-1] & mask[2:, 1:-1] & mask[1:-1, :-2] & mask[1:-1, 2:]
+    return inner

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import math
 from copy import copy
+from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ipm_rs._core import Lut
+from ipm_rs._core import BevGrid, Lut
 from ipm_rs.refine._loss import correlation, in_threads
+from ipm_rs.refine._motion import angles_of
 from ipm_rs.refine._ring import Ring, State
-from ipm_rs.refine._road import Pose
+from ipm_rs.refine._ringcovariance import covariance_of
+from ipm_rs.refine._road import Pose, square
 
 __all__ = ["searched"]
 
@@ -28,6 +33,19 @@ _KEPT = 4
 _PITCHES, _YAWS, _HEIGHTS = np.linspace(-1.5, 1.5, 13), np.linspace(-1.5, 1.5, 7), np.linspace(-1.5, 1.5, 4)
 _ROLLS, _LIFTS = np.linspace(-1.5, 1.5, 5), np.linspace(-0.5, 0.5, 3)
 """What is tried, in standard deviations of what a mounting is likely to be off by."""
+_CLOSE_LEVEL, _CLOSE_WIDTH = 2, 400
+"""Cells and pictures in which narrow strips are looked at."""
+_CLOSE_PITCHES, _CLOSE_HEIGHTS, _CLOSE_STEPS = (
+    np.linspace(-2.0, 2.0, 33),
+    np.array([-0.5, 0.5]),
+    np.linspace(-0.1, 0.1, 3),
+)
+"""What is tried there: pitches that stand for rolls too, so up to 1.4 times as large."""
+_WELL = 0.06
+"""Of what a camera is likely to be off by: one that is told worse by those that are placed waits until more are. A
+strip at one side tells pitch and roll together only, and would lead the next cameras astray."""
+_AGREEING = 0.6
+"""Below which views are taken to be misplaced still, and looked at closer."""
 _GAINED = 0.05
 """So much more alike than as given the views of a found pose must be: else the given one stays."""
 
@@ -40,22 +58,107 @@ def searched(ring: Ring) -> State:
     """
     state, placed = dict(ring.start), [name for name in ring.cameras if name not in ring.free]
     cells = {pair: int(seen.sum()) for pair, seen in ring.overlaps(ring.start, _LEVEL).items() if pair in ring.pairs}
-    waiting, small = list(ring.free), _Small(ring)
+    waiting, small = list(ring.free), _Small(ring, _LEVEL, _WIDTH)
+    late: dict[str, _Late] = {}
     while waiting:
         beside = {
             name: [pair for pair in cells if name in pair and set(pair) - {name} <= set(placed)] for name in waiting
         }
-        name = max(waiting, key=lambda each: sum(cells[pair] for pair in beside[each]))
-        waiting.remove(name)
+        ready = [name for name in waiting if beside[name]]
+        if not ready:
+            break
+        soon = [name for name in ready if name not in late or late[name].told_by != len(beside[name])]
+        if soon:
+            name = max(soon, key=lambda each: sum(cells[pair] for pair in beside[each]))
+        else:
+            name = min(ready, key=lambda each: late[each].off)
         others = [one if other == name else other for one, other in beside[name]]
-        if others:
-            state[name] = _placed(ring, small, state, name, others)
+        alone = copy(ring)
+        alone.free, alone.pairs = [name], beside[name]
+        if soon:
+            found = {**state, name: _placed(ring, small, state, name, others)}
             # at once down to the finest cells: what the next are compared with must be right
-            alone = copy(ring)
-            alone.free, alone.pairs = [name], beside[name]
-            state = alone.solved(state, alone.levels)
+            found = alone.solved(found, alone.levels)
+            off = float(np.sqrt(np.diag(covariance_of(alone, found))[:3].max()))
+            if not (_alike(alone, found) >= _AGREEING and off < _WELL * ring.likely[:3].max()):
+                late[name] = _Late(len(others), off, found[name])
+                continue
+        else:
+            found = {**state, name: late[name].pose}
+            if _alike(alone, found) < _AGREEING:
+                closer = _looked_closer(alone, ring.start, found, name, others)
+                found = max((found, *closer), key=partial(_alike, alone))
+        state = found
+        waiting.remove(name)
         placed.append(name)
     return state
+
+
+class _Late(NamedTuple):
+    """A camera that waits until more others are placed."""
+
+    told_by: int
+    """How many others were, when it was told badly."""
+    off: float
+    """Standard deviation of its angles then, radians."""
+    pose: Pose
+
+
+def _alike(ring: Ring, state: State) -> float:
+    """Return the mean correlation of the pairs that see the same road, -1 of none."""
+    scores = list(ring.agreement(state).values())
+    return float(np.mean(scores)) if scores else -1.0
+
+
+def _looked_closer(alone: Ring, start: State, placed: State, name: str, others: list[str]) -> list[State]:
+    """Return states with a camera where narrow strips of road, at the far ends of its picture, agree best.
+
+    Coarse cells show nothing of a strip half a metre wide, and it lies far away, where a quarter of a degree of pitch
+    is half a metre. What it tells is how far down the camera looks there, be that its pitch or its roll; so each strip
+    is looked at alone, and of two of them pitch and roll follow.
+    """
+    small = _Small(alone, _CLOSE_LEVEL, _CLOSE_WIDTH)
+    given, likely = start[name], alone.likely
+    turns = [given.moved(np.array([yaw * likely[2]]), (2,)) for yaw in _YAWS[::3]]
+    reach = np.logical_or.reduce([small.seen(name, pose)[1] for pose in turns])
+    seen = {other: small.seen(other, placed[other]) for other in others}
+    strips = {other: shown & reach for other, (_, shown) in seen.items()}
+    strips = {other: strip for other, strip in strips.items() if strip.sum() >= _FEWEST}
+    if not strips:
+        return []
+    small.look_at(np.logical_or.reduce(list(strips.values())))
+    seen = {other: small.seen(other, placed[other]) for other in strips}
+
+    def scores(pose: Pose) -> list[float]:
+        pictures, mask = small.seen(name, pose)
+        found = []
+        for there, shown in seen.values():
+            both = mask & shown
+            each = [correlation(a[both], b[both]) for a, b in zip(pictures, there, strict=True)]
+            found.append(float(np.mean(each)) if both.sum() >= _FEWEST else -1.0)
+        return found
+
+    def best(poses: list[Pose]) -> list[Pose]:
+        means = [float(np.mean(each)) for each in in_threads(scores, poses)]
+        return [poses[index] for index in np.argsort(means)[::-1][:_KEPT]]
+
+    steps = np.stack(np.meshgrid(_YAWS, _CLOSE_HEIGHTS, _CLOSE_PITCHES, indexing="ij"), -1).reshape(-1, 3)
+    told = in_threads(scores, [given.moved(step * likely[[2, 3, 1]], (2, 3, 1)) for step in steps])
+    by_pitch = np.array(told).reshape(-1, len(_CLOSE_PITCHES), len(strips))
+    ahead = [small.direction(strip, given) for strip in strips.values()]
+    down = np.array([[np.cos(angle), -np.sin(angle)] for angle in ahead])  # by pitch and roll, which lifts the left
+    poses = []
+    for index in np.argsort(by_pitch.max(1).mean(-1))[::-1][: 2 * _KEPT]:
+        yaw, height, _ = steps[index * len(_CLOSE_PITCHES)]
+        pitches = _CLOSE_PITCHES[by_pitch[index].argmax(0)]
+        pitch, roll = np.linalg.pinv(down, rcond=0.1) @ (down[:, 0] * pitches)
+        poses.append(given.moved(np.array([roll, pitch, yaw, height]) * likely, range(4)))
+    poses = best(poses)
+    for part in (1.0, 0.5, 0.25):
+        axes = [part * step for step in (_CLOSE_STEPS, _CLOSE_STEPS, 2.0 * _CLOSE_STEPS, 2.0 * _CLOSE_STEPS)]
+        around = np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 4) * likely
+        poses = best([pose.moved(step, range(4)) for pose in poses for step in around])
+    return [alone.solved({**placed, name: pose}, alone.levels[-2:]) for pose in poses[:2]]
 
 
 def _placed(ring: Ring, small: _Small, state: State, name: str, others: list[str]) -> Pose:
@@ -102,12 +205,12 @@ def _placed(ring: Ring, small: _Small, state: State, name: str, others: list[str
 class _Small:
     """Cameras and pictures an eighth or a quarter as wide: coarse cells need no more, and no averaging."""
 
-    def __init__(self, ring: Ring) -> None:
-        self.ring = ring
+    def __init__(self, ring: Ring, level: int, most: int) -> None:
+        self.ring, self.grid = ring, ring.grids[level]
         self.cameras, self.pictures = {}, {}
         for name, camera in ring.cameras.items():
             width, height = camera.image_size
-            times = max(1, width // _WIDTH)
+            times = max(1, width // most)
             columns, rows = width // times, height // times
             self.cameras[name] = camera.cropped(0, 0, columns * times, rows * times).resized(columns, rows)
             self.pictures[name] = [
@@ -117,8 +220,23 @@ class _Small:
     def seen(self, name: str, pose: Pose) -> tuple[list[Picture], NDArray[np.bool_]]:
         """Return what a camera in a pose sees from above at each instant, and where."""
         ring = self.ring
-        lut = Lut(self.cameras[name].with_pose(pose.camera_from_vehicle), ring.grids[_LEVEL], ground=ring.ground)
+        lut = Lut(self.cameras[name].with_pose(pose.camera_from_vehicle), self.grid, ground=ring.ground)
         return [np.asarray(lut.warp(picture, threads=1)) for picture in self.pictures[name]], lut.mask
+
+    def look_at(self, cells: NDArray[np.bool_]) -> None:
+        """Leave the rows and columns of the grid out that hold none of some cells."""
+        rows, columns = (np.flatnonzero(cells.any(axis)) for axis in (1, 0))
+        cell, x, y = self.grid.resolution[0], self.grid.x[1], self.grid.y[1]
+        self.grid = BevGrid(
+            x=(x - (rows[-1] + 1) * cell, x - rows[0] * cell),
+            y=(y - (columns[-1] + 1) * cell, y - columns[0] * cell),
+            resolution=cell,
+        )
+
+    def direction(self, cells: NDArray[np.bool_], pose: Pose) -> float:
+        """Return how far to the left of where a camera looks the middle of some cells of the whole grid is, radians."""
+        x, y = self.ring.grids[_CLOSE_LEVEL].xy()[cells].mean(0) - pose.position[:2]
+        return math.remainder(math.atan2(y, x) - angles_of(square(pose.rotation))[2], 2.0 * math.pi)
 
 
 def _halved(picture: Picture, times: int, rows: int, columns: int) -> Picture:
