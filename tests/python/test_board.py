@@ -28,8 +28,16 @@ AT, HEADING, SQUARE = (4.5, 0.4), 0.2, 0.25
 def photograph(camera: ipm_rs.Camera, board: np.ndarray, counts: tuple[int, int], ground: float = 0.0) -> np.ndarray:
     """A picture of a print, 40 pixels a square and a margin of one, that lies on the road with its top ahead."""
     width, height = SIZE
-    total = np.zeros(height * width)
-    u, v = np.meshgrid(np.arange(width), np.arange(height))
+    total = np.full((height, width), 4 * 110.0)
+    # only the part that shows the board is looked at: a fifth of the picture
+    half = (np.array(counts)[::-1] + 3) / 2 * SQUARE
+    corners = np.array([(x, y) for x in (-half[0], half[0]) for y in (-half[1], half[1])])
+    turn = np.array([[np.cos(HEADING), np.sin(HEADING)], [-np.sin(HEADING), np.cos(HEADING)]])
+    seen = camera.project(np.column_stack([AT + corners @ turn, np.full(4, ground)]))[0]
+    (left_end, top), (right_end, bottom) = seen.min(0).astype(int) - 20, seen.max(0).astype(int) + 20
+    rows, columns = slice(max(top, 0), min(bottom, height)), slice(max(left_end, 0), min(right_end, width))
+    u, v = np.meshgrid(np.arange(width)[columns], np.arange(height)[rows])
+    part = np.zeros(u.size)
     for du, dv in ((-0.25, -0.25), (0.25, -0.25), (-0.25, 0.25), (0.25, 0.25)):
         uv = np.stack([u + du, v + dv], -1).reshape(-1, 2).astype(float)
         away = camera.ground_from_pixels(uv, ground=ground)[:, :2] - AT
@@ -39,8 +47,9 @@ def photograph(camera: ipm_rs.Camera, board: np.ndarray, counts: tuple[int, int]
         row = ((counts[1] - 1) / 2 - ahead + 2) * 40
         with np.errstate(invalid="ignore"):
             there = (column >= 0) & (row >= 0) & (column < board.shape[1]) & (row < board.shape[0])
-        seen = board[np.where(there, row, 0).astype(int), np.where(there, column, 0).astype(int)]
-        total += np.where(there, seen, 110)
+        shown = board[np.where(there, row, 0).astype(int), np.where(there, column, 0).astype(int)]
+        part += np.where(there, shown, 110)
+    total[rows, columns] = part.reshape(u.shape)
     noise = np.random.default_rng(0).normal(0, 1.5, total.shape)
     return (total / 4 + noise).clip(0, 255).reshape(height, width).astype(np.uint8)
 

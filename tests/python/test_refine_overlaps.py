@@ -109,6 +109,8 @@ def test_what_the_pictures_do_not_tell(images):
         refine.from_overlaps(GIVEN, {name: np.full_like(image, 80) for name, image in images.items()}, grid=GRID)
     with refuses(errors.ImageError, "256x192"):
         refine.from_overlaps(GIVEN, {**images, "left": images["left"][:-1]}, grid=GRID)
+    with refuses(errors.ImageError, "images['left']", "finite"):
+        refine.from_overlaps(GIVEN, {**images, "left": images["left"] * np.float32("nan")}, grid=GRID)
     with refuses(errors.CalibrationError, "above the road"):
         refine.from_overlaps(GIVEN, images, ground=3.0)
     with refuses(errors.ArgumentError, "square"):
