@@ -9,6 +9,7 @@ mod common;
 use std::hint::black_box;
 
 use common::{seed_camera, seed_grid, textured};
+use ipm_rs::rig::{RigLut, RigOptions};
 use ipm_rs::{
     Bilinear, Camera, F16, Ground, ImageView, ImageViewMut, Interpolation, Lut, Mapping, WarpOptions, warp_direct_into,
 };
@@ -39,7 +40,13 @@ fn main() {
         "nearest first" => nth_warp::<u8>(&camera, 3, Interpolation::Nearest, |byte| byte, false),
         "area u8x3" => area(&camera, 3, true),
         "area plan" => area(&camera, 1, false),
+        "area f32x3" => averaged::<f32>(&camera, 3, f32::from, true),
         "table" => table(&camera),
+        "cubic u8x3" => warp::<u8>(&camera, 3, Interpolation::Cubic, |byte| byte),
+        "rig u8x3" => ring(&camera),
+        "adjoint bilinear" => adjoint(&camera, Interpolation::Bilinear),
+        "adjoint nearest" => adjoint(&camera, Interpolation::Nearest),
+        "adjoint area" => adjoint(&camera, Interpolation::Area),
         "bilinear i16x3" => warp::<i16>(&camera, 3, Interpolation::Bilinear, |byte| i16::from(byte) * 257 - 3000),
         "bilinear f16x3" => warp::<F16>(&camera, 3, Interpolation::Bilinear, |byte| F16::from_f32(byte.into())),
         "bilinear f64x3" => warp::<f64>(&camera, 3, Interpolation::Bilinear, f64::from),
@@ -83,13 +90,18 @@ fn nth_warp<T: Bilinear>(
     lut.valid_cells()
 }
 
-/// Averages over cells through a table, by the first warp, which makes the plan, or by a later one; returns the valid cells.
+/// Averages bytes over cells.
 fn area(camera: &Camera, channels: usize, planned: bool) -> usize {
+    averaged::<u8>(camera, channels, |byte| byte, planned)
+}
+
+/// Averages over cells through a table, by the first warp, which makes the plan, or by a later one; returns the valid cells.
+fn averaged<T: Bilinear>(camera: &Camera, channels: usize, sample: fn(u8) -> T, planned: bool) -> usize {
     ipm_rs::set_num_threads(1).expect("one is a number of threads");
     let lut = Lut::new(camera, &seed_grid(AREA_CELL), &Ground::default()).expect("the seed job fits");
-    let data = textured(SIZE.0 * SIZE.1 * channels);
+    let data: Vec<T> = textured(SIZE.0 * SIZE.1 * channels).into_iter().map(sample).collect();
     let image = ImageView::new(&data, SIZE, channels).expect("the image fits its size");
-    let mut out = vec![0; lut.rows() * lut.columns() * channels];
+    let mut out = vec![T::default(); lut.rows() * lut.columns() * channels];
     let mut out = ImageViewMut::new(&mut out, (lut.columns(), lut.rows()), channels).expect("the output fits");
     let options = WarpOptions { interpolation: Interpolation::Area, threads: Some(1), ..WarpOptions::default() };
     let mut warp = || lut.warp_into(black_box(&image), &mut out, &options).expect("the image fits the table");
@@ -97,6 +109,42 @@ fn area(camera: &Camera, channels: usize, planned: bool) -> usize {
         warp();
     }
     counted(&mut warp);
+    lut.valid_cells()
+}
+
+/// Warps three cameras onto one grid, with seams between them, by a later warp; returns the valid cells.
+fn ring(camera: &Camera) -> usize {
+    ipm_rs::set_num_threads(1).expect("one is a number of threads");
+    let turned = |yaw: f64| {
+        let position = [1.7, 0.0, 1.2];
+        Camera::from_euler(*camera.model(), camera.image_size(), position, 0.0, 0.04, yaw).expect("a camera")
+    };
+    let cameras = [("ahead", turned(0.0)), ("left", turned(0.5)), ("right", turned(-0.5))];
+    let lut = RigLut::new(&cameras, &seed_grid(AREA_CELL), &Ground::default(), &RigOptions::default()).expect("a ring");
+    let data = textured(SIZE.0 * SIZE.1 * 3);
+    let image = ImageView::new(&data, SIZE, 3).expect("the image fits its size");
+    let mut out = vec![0; lut.rows() * lut.columns() * 3];
+    let mut out = ImageViewMut::new(&mut out, (lut.columns(), lut.rows()), 3).expect("the output fits");
+    let options = WarpOptions { threads: Some(1), ..WarpOptions::default() };
+    let mut warp = || lut.warp_into(black_box(&[image; 3]), &mut out, &options, &[]).expect("the images fit the table");
+    warp();
+    counted(&mut warp);
+    lut.mask().expect("memory for a mask").into_iter().filter(|valid| *valid).count()
+}
+
+/// Sends a gradient of three channels back to the image, by a later call; returns the valid cells.
+fn adjoint(camera: &Camera, interpolation: Interpolation) -> usize {
+    ipm_rs::set_num_threads(1).expect("one is a number of threads");
+    let lut = Lut::new(camera, &seed_grid(AREA_CELL), &Ground::default()).expect("the seed job fits");
+    let size = (lut.columns(), lut.rows());
+    let data: Vec<f32> = textured(size.0 * size.1 * 3).into_iter().map(f32::from).collect();
+    let grad = ImageView::new(&data, size, 3).expect("a value for each cell");
+    let mut out = vec![0.0; SIZE.0 * SIZE.1 * 3];
+    let mut out = ImageViewMut::new(&mut out, SIZE, 3).expect("the output fits");
+    let options = WarpOptions { interpolation, threads: Some(1), ..WarpOptions::default() };
+    let mut back = || lut.warp_adjoint_into(black_box(&grad), &mut out, &options).expect("it fits the table");
+    back();
+    counted(&mut back);
     lut.valid_cells()
 }
 

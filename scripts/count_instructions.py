@@ -31,8 +31,14 @@ JOBS = [
     "nearest u8x3",
     "nearest first",  # of u8x3, with what the table keeps of the nearest pixels
     "area u8x3",
+    "area f32x3",
     "area plan",  # and a warp of u8x1, without which there is no plan
     "table",
+    "cubic u8x3",
+    "rig u8x3",  # three cameras and their seams
+    "adjoint bilinear",  # of f32x3, as all adjoints here
+    "adjoint nearest",
+    "adjoint area",
     "homography u8x3",
     "homography f32x1",
     "homography f32x3",
