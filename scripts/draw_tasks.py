@@ -139,7 +139,7 @@ def cpp() -> Image.Image:
     camera, photo = task_files.CAMERA, task_files.photograph(0)
     lut = ipm_rs.Lut(camera, ipm_rs.BevGrid(x=(4, 24), y=(-6, 6), resolution=0.04))
     with tempfile.TemporaryDirectory(prefix="ipm_rs-") as work:
-        path = os.path.join(work, "front.yml")
+        path = str(Path(work) / "front.yml")
         lut.export(path)
         maps = cv2.FileStorage(path, cv2.FILE_STORAGE_READ)
         map_x, map_y = (maps.getNode(name).mat() for name in ("map_x", "map_y"))
