@@ -189,3 +189,12 @@ def test_the_answer_is_the_same_on_any_number_of_threads(images):
     for other in found[1:]:
         assert other.rig == found[0].rig and other.after == found[0].after
         np.testing.assert_array_equal(other.covariance, found[0].covariance)
+
+
+def test_cameras_behind_one_that_stays_stay_too():
+    ring = object.__new__(Ring)
+    ring.fixed, ring.free, ring.start = "front", ["left", "back", "right"], {"left": "as given"}
+    ring.pairs = [("front", "left"), ("left", "back"), ("front", "right")]
+    assert ring.cut_off() == []
+    assert ring.hold("left", {"left": "found", "back": "found"}) == {"left": "as given", "back": "found"}
+    assert ring.pairs == [("front", "right")] and ring.cut_off() == ["back"]

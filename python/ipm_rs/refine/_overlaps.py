@@ -22,7 +22,7 @@ from ipm_rs._core import BevGrid, Plane
 from ipm_rs.errors import ArgumentError, ArgumentTypeError, CalibrationError, CalibrationWarning, ImageError
 from ipm_rs.refine._inputs import guarded, numbers_of
 from ipm_rs.refine._pictures import grey_of
-from ipm_rs.refine._ring import Ring
+from ipm_rs.refine._ring import Ring, State
 from ipm_rs.refine._ringcovariance import covariance_of
 from ipm_rs.refine._ringsearch import searched
 from ipm_rs.refine._road import PARAMETERS
@@ -176,6 +176,7 @@ def _fitted(rig: Rig, ring: Ring) -> RigFit:
         )
     before = ring.agreement(ring.start)
     held: dict[str, str] = {}
+    every = ring.pairs
     state = placed = searched(ring)
     while True:
         state = ring.solved(state, ring.levels[-1:])
@@ -186,21 +187,25 @@ def _fitted(rig: Rig, ring: Ring) -> RigFit:
         unlike = ring.unlike(after) if len(ring.free) > 1 else None
         if astray is None and unlike is None:
             break
-        if astray is None and unlike is not None:
-            state = placed = ring.hold(unlike, placed)  # without what it has led the others to
-            held[unlike] = "no pose was found with which its views agree as those of the others do"
-            continue
-        assert astray is not None
-        name, pair = astray
-        state = placed = ring.hold(name, placed)
-        held[name] = f"its view and that of {pair[0] if pair[1] == name else pair[1]} would agree less than as given"
+        if astray is not None:
+            name, pair = astray
+            beside = pair[0] if pair[1] == name else pair[1]
+            held[name] = f"its view and that of {beside} would agree less than as given"
+        else:
+            assert unlike is not None
+            name = unlike
+            pair = max((each for each in after if name in each), key=lambda each: after[each], default=(name, name))
+            held[name] = "no pose was found with which its views agree as those of the others do"
+        state = placed = _without_cut_off(ring, ring.hold(name, placed), held)  # nor with what it has led others to
         if not ring.free:
             raise CalibrationError(
                 f"images: expected views that agree better with other poses, but those of {pair[0]!r} and {pair[1]!r} "
-                f"correlate with {after[pair]:.2f}, {before.get(pair, math.nan):.2f} before; hide the own car with "
-                "camera.masked(), pass a grid= of road that is flat, more instants, or a smaller prior="
+                f"correlate with {after.get(pair, 0.0):.2f}, {before.get(pair, math.nan):.2f} before; hide the own car "
+                "with camera.masked(), pass a grid= of road that is flat, more instants, or a smaller prior="
             )
     covariance = covariance_of(ring, state)
+    ring.pairs = every  # those of cameras that stay are told of too
+    after = ring.agreement(state)
     moved = {name: rig[name].with_pose(state[name].camera_from_vehicle) for name in ring.free}
     found = Rig({name: moved.get(name, camera) for name, camera in rig.items()})
     kept = {ring.fixed: "the others are fitted to it"} | held
@@ -215,6 +220,14 @@ def _fitted(rig: Rig, ring: Ring) -> RigFit:
         gains=RigLut(found, ring.grids[2], ground=ring.ground).gains(ring.instants[0]),
         grid=ring.area,
     )
+
+
+def _without_cut_off(ring: Ring, state: State, held: dict[str, str]) -> State:
+    """Leave cameras as given that share road with such alone, and say so."""
+    for name in ring.cut_off():
+        state = ring.hold(name, state)
+        held[name] = "it shares road only with cameras that stay as they were"
+    return state
 
 
 def _none_agree(ring: Ring, after: Mapping[tuple[str, str], float]) -> NoReturn:

@@ -93,10 +93,7 @@ class Ring:
         self.levels = _LEVELS
         self.grids = {level: self._coarser(level) for level in _LEVELS}
         self.pairs = self._possible()
-        told, more = {fixed}, True
-        while more:
-            reached = {name for pair in self.pairs if told & set(pair) for name in pair}
-            told, more = told | reached, not reached <= told
+        told = self._reached()
         self.free = [name for name in self.cameras if name in told and name != fixed]
         self.pairs = [pair for pair in self.pairs if pair[0] in told]
 
@@ -141,9 +138,25 @@ class Ring:
     # ------------------------------------------------------------------------------------------------------------------
 
     def hold(self, name: str, state: State) -> State:
-        """Leave a camera as it was given, and return the state with it so."""
+        """Leave a camera as it was given, and return the state with it so.
+
+        What it sees says nothing about the others any more, and is fitted no longer.
+        """
         self.free.remove(name)
+        self.pairs = [pair for pair in self.pairs if name not in pair]
         return {**state, name: self.start[name]}
+
+    def cut_off(self) -> list[str]:
+        """Return the free cameras that no pair leads to from the fixed one."""
+        reached = self._reached()
+        return [name for name in self.free if name not in reached]
+
+    def _reached(self) -> set[str]:
+        told, more = {self.fixed}, True
+        while more:
+            reached = {name for pair in self.pairs if told & set(pair) for name in pair}
+            told, more = told | reached, not reached <= told
+        return told
 
     def astray(
         self, before: Mapping[tuple[str, str], float], after: Mapping[tuple[str, str], float], worse: float
