@@ -555,7 +555,7 @@ RECIPES: dict[str, Callable[[Values], tuple[Callable[..., Any], Arguments]]] = {
             "view": textured(*GRIDS[0].shape, 3),
             "grid": GRIDS[0],
             "mask": textured(*GRIDS[0].shape) > 60,
-            "track": v.rng.uniform(0, 20, (5, 2)),
+            "track": np.array([[8.0, 2.0], [np.nan, 0.0], [20.0, -1.0], [30.0, 0.0]]),
             "step": 2.0,
             "scale": v.rng.choice([None, 5.0]),
             "font_size": 12,

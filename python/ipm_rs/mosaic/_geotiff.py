@@ -87,7 +87,7 @@ def write_geotiff(
             temporary.replace(path)
         finally:
             temporary.unlink(missing_ok=True)
-    except (RasterioError, OSError) as error:
+    except (RasterioError, OSError, UnicodeError) as error:  # GDAL takes names that UTF-8 has
         raise FileError(
             f"{path}: expected to write it, got: {error}; check the directory and the free space"
         ) from error
