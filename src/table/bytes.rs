@@ -287,7 +287,8 @@ impl Bounds {
     fn allow_at_edge(&self, kind: SpanKind, tap: Tap) -> bool {
         let (x, y) = unframed(tap.offset, self.width);
         let on_rim = |at: i64, last: i64, fraction: u32| at >= 0 && (at < last || (at == last && fraction == 0));
-        let between_columns = self.wraps && (0..=self.last_x + 1).contains(&x);
+        // the last column again, to which a place just before it is rounded, and nothing behind it
+        let between_columns = self.wraps && on_rim(x, self.last_x + 1, tap.fx());
         let rim = (on_rim(x, self.last_x, tap.fx()) || between_columns) && on_rim(y, self.last_y, tap.fy());
         y <= self.last_y + 1 && (kind == SpanKind::Halo || rim)
     }
