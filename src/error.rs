@@ -16,10 +16,10 @@
 pub use crate::camera::error::CameraError;
 pub use crate::camera::lens::error::LensError;
 pub use crate::cloud::error::CloudError;
-pub use crate::cpu::IsaError;
 pub use crate::geometry::error::{PointsError, PoseError};
 pub use crate::grid::GridError;
 pub use crate::ground::error::GroundError;
+pub use crate::isa::IsaError;
 pub use crate::lut::error::LutError;
 pub use crate::mosaic::error::MosaicError;
 pub use crate::parallel::error::ThreadsError;

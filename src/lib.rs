@@ -33,13 +33,13 @@
 
 mod camera;
 pub mod cloud;
-mod cpu;
 mod digits;
 pub mod error;
 mod finding;
 pub mod geometry;
 mod grid;
 mod ground;
+mod isa;
 mod kernels;
 mod lut;
 pub mod mosaic;
@@ -57,11 +57,11 @@ pub use camera::{
     InverseBrownConrady, KannalaBrandt, Lens, Mei, Ocam, Pinhole, Projection, RadialPolynomial, RangeError,
     ThinPrismFisheye,
 };
-pub use cpu::{Isa, cpu_features};
 pub use error::{Error, Result};
 pub use finding::{Finding, Unseen};
 pub use grid::{BevGrid, SampleAt};
 pub use ground::{Ground, HeightMap, Plane};
+pub use isa::{Isa, cpu_features};
 pub use lut::Lut;
 pub use parallel::{ignored_variable, interruptible, num_threads, set_num_threads};
 pub use table::{BorderMode, checksum};

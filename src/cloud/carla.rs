@@ -5,8 +5,8 @@
 
 use super::back_project::DepthRows;
 use super::kernels::{self, Decode, Encode};
-use crate::cpu::Isa;
 use crate::error::{CloudError, Error, Result, ViewError};
+use crate::isa::Isa;
 use crate::parallel::{self, Work};
 use crate::view::{ImageView, ImageViewMut, PointSample};
 

@@ -3,8 +3,8 @@
 use super::kernels::{self, ProjectLens, ProjectPinhole};
 use crate::camera::Camera;
 use crate::camera::lens::each_distort;
-use crate::cpu::Isa;
 use crate::error::{CloudError, Error, Result};
+use crate::isa::Isa;
 use crate::parallel::{self, Work};
 use crate::view::{PointSample, Strided};
 

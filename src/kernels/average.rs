@@ -1,8 +1,8 @@
 //! Averages, sample by sample: of two rows, of four, and of the probes of a footprint.
 
 use super::halve::Pairs;
-use crate::cpu::Isa;
-use crate::cpu::for_each_isa;
+use crate::isa::Isa;
+use crate::isa::for_each_isa;
 
 /// A sample of which averages can be taken. All instruction sets run the same plain loops, so they agree to the last
 /// bit.

@@ -4,7 +4,7 @@
 //! six times as slow.
 
 use super::{PlanesKernel, ProbesKernel, RowKernel, special};
-use crate::cpu::Isa;
+use crate::isa::Isa;
 use crate::table::ONE;
 use crate::view::F16;
 use crate::view::Sample;

@@ -6,9 +6,9 @@
 
 #[cfg(target_arch = "x86_64")]
 use super::{avx2, avx512};
-use crate::cpu::Isa;
+use crate::isa::Isa;
 #[cfg(any(target_arch = "x86_64", test))]
-use crate::cpu::by_isa;
+use crate::isa::by_isa;
 
 /// Samples of which an instruction set may average whole vectors.
 pub(super) trait Pairs: Sized {

@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use super::sealed::Blend;
 use super::{ExactKernel, Source, scalar, scalar_kernels, special};
-use crate::cpu::Isa;
+use crate::isa::Isa;
 use crate::kernels::{Fraction, split};
 use crate::table::Tap;
 

@@ -3,7 +3,7 @@
 use super::average::Average;
 use super::places::Places;
 use super::{Probes, Source, sealed::Blend};
-use crate::cpu::Isa;
+use crate::isa::Isa;
 use crate::kernels::Fraction;
 use crate::table::{Tap, unframed};
 use crate::view::Sample;

@@ -7,7 +7,7 @@ use super::places::{ExactBlend, Float, Places};
 use super::{CopyKernel, ExactKernel, PlanesKernel, ProbesKernel, RowKernel, Source, scalar, sealed::Blend};
 #[cfg(target_arch = "x86_64")]
 use super::{avx2, avx512};
-use crate::cpu::{self, Body, Isa, by_isa};
+use crate::isa::{self, Body, Isa, by_isa};
 use crate::view::Sample;
 
 /// A kernel of an instruction set as an ordinary function.
@@ -235,11 +235,11 @@ macro_rules! kernel_compiled {
 macro_rules! kernel_compiled_for {
     ($isa:ident, $channels:expr) => {
         match $channels {
-            1 => Some(|source, places, cells| cpu::run(Isa::$isa, Row::<_, _, 1> { source, places, cells })),
-            2 => Some(|source, places, cells| cpu::run(Isa::$isa, Row::<_, _, 2> { source, places, cells })),
-            3 => Some(|source, places, cells| cpu::run(Isa::$isa, Row::<_, _, 3> { source, places, cells })),
-            4 => Some(|source, places, cells| cpu::run(Isa::$isa, Row::<_, _, 4> { source, places, cells })),
-            _ => Some(|source, places, cells| cpu::run(Isa::$isa, Row::<_, _, 0> { source, places, cells })),
+            1 => Some(|source, places, cells| isa::run(Isa::$isa, Row::<_, _, 1> { source, places, cells })),
+            2 => Some(|source, places, cells| isa::run(Isa::$isa, Row::<_, _, 2> { source, places, cells })),
+            3 => Some(|source, places, cells| isa::run(Isa::$isa, Row::<_, _, 3> { source, places, cells })),
+            4 => Some(|source, places, cells| isa::run(Isa::$isa, Row::<_, _, 4> { source, places, cells })),
+            _ => Some(|source, places, cells| isa::run(Isa::$isa, Row::<_, _, 0> { source, places, cells })),
         }
     };
 }

@@ -1,7 +1,7 @@
 //! Coordinates to pixels and exact fractions, for warps that keep no table.
 
-use super::quantise::{LOW, WHOLE};
-use crate::cpu::{self, Body, Isa};
+use super::rounding::{LOW, WHOLE};
+use crate::isa::{self, Body, Isa};
 use crate::table::Tap;
 
 /// How far a coordinate is beyond its pixel, from 0 to 1.
@@ -35,7 +35,7 @@ pub(crate) fn split<F: Fraction>(
 ) {
     // SAFETY: a tap is 8 bytes with the alignment of a number, and any bits are one.
     let taps = unsafe { std::slice::from_raw_parts_mut(taps.as_mut_ptr().cast::<u64>(), taps.len()) };
-    cpu::run(isa, Split { us, vs, width: width as u64, taps, x, y });
+    isa::run(isa, Split { us, vs, width: width as u64, taps, x, y });
 }
 
 struct Split<'a, F> {

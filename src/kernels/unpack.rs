@@ -1,6 +1,6 @@
 //! Where taps sample, as whole numbers.
 
-use crate::cpu::{Isa, for_each_isa};
+use crate::isa::{Isa, for_each_isa};
 use crate::table::Tap;
 
 /// Unpacked coordinates are in 1/1024 pixel.

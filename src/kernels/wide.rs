@@ -11,7 +11,7 @@
 use std::sync::OnceLock;
 
 use super::{RowKernel, Source};
-use crate::cpu::{self, Body, Isa, by_isa};
+use crate::isa::{self, Body, Isa, by_isa};
 use crate::table::{ONE, Tap, unframed};
 use crate::view::{F16, Sample};
 
@@ -221,7 +221,7 @@ const LANES: usize = 8;
 macro_rules! kernel {
     ($isa:ident, $channels:literal) => {
         |source, [us, vs], cells, keeps| {
-            cpu::run(Isa::$isa, Row::<_, N, $channels> { source, us, vs, cells, keeps });
+            isa::run(Isa::$isa, Row::<_, N, $channels> { source, us, vs, cells, keeps });
         }
     };
 }

@@ -4,8 +4,8 @@ use std::ops::Range;
 
 use super::Lut;
 use super::footprint::{Coordinates, Sides, check_sides};
-use crate::cpu::{Isa, for_each_isa};
 use crate::error::Result;
+use crate::isa::{Isa, for_each_isa};
 use crate::kernels::FRACTION_BITS;
 use crate::parallel::{self, Work};
 use crate::table::Table;

@@ -2,9 +2,9 @@
 
 use std::ops::Range;
 
-use crate::cpu::Isa;
-use crate::cpu::for_each_isa;
 use crate::error::{Error, LutError, Result};
+use crate::isa::Isa;
+use crate::isa::for_each_isa;
 use crate::kernels::FRACTION_BITS;
 use crate::kernels::{Row, unpack};
 use crate::table::block::LANES;

@@ -1,8 +1,8 @@
 //! How much a frame counts in a cell, and the loop that adds it.
 
 use super::tile::{Kept, Layers, Value, insert};
-use crate::cpu::{self, Isa};
 use crate::error::Result;
+use crate::isa::{self, Isa};
 use crate::view::buffer;
 
 /// Resolutions are kept in 1/4096 pixel a cell.
@@ -101,7 +101,7 @@ pub(super) struct Cells<'a, T> {
 impl<T: Value> Cells<'_, T> {
     /// Adds them; returns how many counted.
     pub(super) fn add(self, isa: Isa) -> usize {
-        cpu::run(isa, self)
+        isa::run(isa, self)
     }
 
     /// The resolution of each cell in 1/4096 pixel, 0 where the frame does not count, and its weight.
@@ -177,7 +177,7 @@ impl<T: Value> Cells<'_, T> {
     }
 }
 
-impl<T: Value> cpu::Body for Cells<'_, T> {
+impl<T: Value> isa::Body for Cells<'_, T> {
     type Output = usize;
 
     #[inline(always)]

@@ -38,10 +38,10 @@ mod tile;
 pub use tile::{Kept, Layers, Tile, Value};
 
 use crate::camera::Camera;
-use crate::cpu::Isa;
 use crate::error::{Error, MosaicError, Result};
 use crate::grid::BevGrid;
 use crate::ground::Ground;
+use crate::isa::Isa;
 use crate::lut::{Disc, Lut, Resolution};
 use crate::parallel::{self, Work};
 use crate::view::{ImageMask, ImageView, ImageViewMut, buffer};

@@ -12,8 +12,8 @@ use super::{Census, WHAT};
 use crate::view::{PointSample, prefetch};
 
 use super::records::Record;
-use crate::cpu::Isa;
 use crate::error::Result;
+use crate::isa::Isa;
 use crate::parallel;
 use crate::view::buffer;
 

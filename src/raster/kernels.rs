@@ -3,9 +3,9 @@
 //! instruction sets give the same cells.
 
 use super::WHAT;
-use crate::cpu::{Body, Isa, run};
 use crate::error::Result;
 use crate::grid::BevGrid;
+use crate::isa::{Body, Isa, run};
 use crate::view::PointSample;
 use crate::view::buffer;
 

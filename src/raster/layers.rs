@@ -2,8 +2,8 @@
 
 use super::records::Record;
 use super::{Census, RasterOptions, Reduce};
-use crate::cpu::{Body, Isa, run};
 use crate::error::Result;
+use crate::isa::{Body, Isa, run};
 use crate::view::buffer::{self, zeroed};
 use crate::view::{PointSample, prefetch};
 

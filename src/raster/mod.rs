@@ -32,9 +32,9 @@ pub use layers::Raster;
 pub use points::{Coordinates, Values};
 pub use shapes::{box_corners, check_polygon, draw_polygon};
 
-use crate::cpu::Isa;
 use crate::error::{Error, RasterError, Result};
 use crate::grid::BevGrid;
+use crate::isa::Isa;
 use crate::parallel::{self, check_interrupt};
 use crate::view::{MAX_CELLS, PointSample, Strided};
 

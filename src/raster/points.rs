@@ -3,8 +3,8 @@
 use super::kernels::{Finder, NOWHERE, Unpack};
 use super::layers::SPARE;
 use super::{Census, MAX_POINTS, RasterOptions, Reduce, WHAT};
-use crate::cpu::{Isa, run};
 use crate::error::{Error, RasterError, Result};
+use crate::isa::{Isa, run};
 use crate::view::Strided;
 use crate::view::buffer;
 use crate::view::{Cast, PointSample};

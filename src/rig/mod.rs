@@ -41,10 +41,10 @@ pub use compose::Mix;
 use std::sync::OnceLock;
 
 use crate::camera::Camera;
-use crate::cpu::Isa;
 use crate::error::{Error, Result, RigError};
 use crate::grid::BevGrid;
 use crate::ground::Ground;
+use crate::isa::Isa;
 use crate::lut::Lut;
 use crate::parallel::check_interrupt;
 use crate::raster::{check_polygon, draw_polygon};

@@ -2,8 +2,8 @@
 
 use super::WHAT;
 use super::pieces::ONE;
-use crate::cpu::{Isa, for_each_isa};
 use crate::error::Result;
+use crate::isa::{Isa, for_each_isa};
 use crate::view::buffer;
 
 /// Weights of less than this share are left out: a camera that is hardly seen costs as much as another.

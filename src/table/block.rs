@@ -55,7 +55,7 @@ impl Size {
         2 * row as i16 + 1 - self.rows as i16
     }
 
-    /// RowIntervals at which sides are looked at: about where Chebyshev's polynomial of degree four is zero.
+    /// Columns at which sides are looked at: about where Chebyshev's polynomial of degree four is zero.
     pub(crate) const fn nodes(self) -> [usize; 4] {
         match self.columns {
             16 => [1, 5, 10, 14],
@@ -86,7 +86,7 @@ pub(crate) struct Block {
 }
 
 /// What coefficients are multiplied with in each column, in 1/64: polynomials of degree 0 to 3 of the distance from the
-/// block's middle, of which it only matters that they differ, are even or odd and fit 16 bits. RowIntervals that a block does
+/// block's middle, of which it only matters that they differ, are even or odd and fit 16 bits. Columns that a block does
 /// not have are as its last.
 pub(crate) type Basis = [[i16; LANES]; 4];
 

@@ -8,16 +8,16 @@ use std::mem::MaybeUninit;
 use std::ops::Range;
 
 pub(crate) mod block;
+mod border_mode;
 mod bytes;
-mod edges;
 pub(crate) mod error;
 pub(crate) mod pattern;
 mod restricted;
 mod tap;
 
+pub use border_mode::BorderMode;
+pub(crate) use border_mode::Edges;
 pub use bytes::checksum;
-pub use edges::BorderMode;
-pub(crate) use edges::Edges;
 pub(crate) use tap::{ONE, SpanKind, Tap, framed, unframed};
 
 use crate::error::{Result, TableError};

@@ -52,7 +52,7 @@ impl SamplePattern {
         &OFFSETS[usize::from(count)][..count.into()]
     }
 
-    /// RowIntervals and rows of a box.
+    /// Columns and rows of a box.
     pub(crate) fn box_size(self) -> (u32, u32) {
         (1 << self.kx, 1 << self.ky)
     }

@@ -5,8 +5,8 @@ use std::slice;
 use nalgebra::Matrix3;
 
 use super::{Bilinear, Interpolation, WarpOptions, warp_spans};
-use crate::cpu::Isa;
 use crate::error::{Error, LutError, Result, ViewError};
+use crate::isa::Isa;
 use crate::kernels::wide::{CUBIC, LANCZOS4, places};
 use crate::kernels::{ExactBlend, ExactKernels, Float, RowKernels, Source};
 use crate::kernels::{Kinds, Row, Sampled, widen};

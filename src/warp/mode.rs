@@ -3,8 +3,8 @@
 
 use super::options::border_of;
 use super::{WarpOptions, check};
-use crate::cpu::Isa;
 use crate::error::{Error, Result, WarpError};
+use crate::isa::Isa;
 use crate::kernels::FRACTION_BITS;
 use crate::kernels::{RowKernels, Source};
 use crate::lut::Lut;

@@ -1,10 +1,10 @@
 //! The nearest pixel of every cell as one number: half the memory that a warp reads of a table, and nothing to work out.
 //!
 //! Which pixel is nearest was decided when the table was built: halves go to the even one, as `np.round` rounds, and a
-//! [`Tap`] holds the decision as [`Tap::step_x`] and [`Tap::step_y`]; `kernels::quantise` makes it.
+//! [`Tap`] holds the decision as [`Tap::step_x`] and [`Tap::step_y`]; `kernels::rounding` makes it.
 
-use crate::cpu::{self, Body, Isa};
 use crate::error::Result;
+use crate::isa::{self, Body, Isa};
 use crate::lut::Derivative;
 use crate::parallel;
 use crate::table::{Band, Span, Table, Tap};
@@ -31,7 +31,7 @@ impl NearestPixels {
         parallel::for_each(threads, bands.enumerate(), |(index, pixels)| {
             let band = table.band(index * table.band(0).rows.len());
             let taps = band.taps();
-            cpu::run(isa, Nearest { taps, width, pixels: &mut pixels[..taps.len()] });
+            isa::run(isa, Nearest { taps, width, pixels: &mut pixels[..taps.len()] });
             Ok(())
         })?;
         Ok(Self { pixels })

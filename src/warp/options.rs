@@ -3,8 +3,8 @@
 use std::borrow::Cow;
 
 use super::Bilinear;
-use crate::cpu::Isa;
 use crate::error::{Error, IsaError, Result, ViewError, WarpError};
+use crate::isa::Isa;
 use crate::kernels::wide::{CUBIC, LANCZOS4};
 use crate::kernels::{RowKernels, Source};
 use crate::lut::Lut;

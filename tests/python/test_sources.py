@@ -121,8 +121,8 @@ def test_the_reference_knows_neither_tables_nor_kernels():
 def test_what_depends_on_the_instruction_set_names_them_all():
     """`by_isa!` asks for every one; a match with a wildcard would let a new one fall back to scalar without a word."""
     matching = {path.name for path in RUST if re.search(r"\bIsa::\w+[^\n;{}]*=>", code(path))}
-    assert matching == {"cpu.rs"}
-    cpu = code(ROOT / "src/cpu.rs").split("#[cfg(test)]")[0]
+    assert matching == {"isa.rs"}
+    cpu = code(ROOT / "src/isa.rs").split("#[cfg(test)]")[0]
     for match in re.findall(r"match (?:self|\$isa) \{.*?\n        \}", cpu, re.DOTALL):
         assert "_ =>" not in match
     assert sum("by_isa!" in code(path) for path in RUST) >= 2
@@ -130,7 +130,7 @@ def test_what_depends_on_the_instruction_set_names_them_all():
 
 def test_only_one_file_asks_the_cpu():
     asking = [path.name for path in RUST if "feature_detected!" in code(path)]
-    assert asking == ["cpu.rs"]
+    assert asking == ["isa.rs"]
 
 
 def test_the_page_about_kernels_lists_their_files():

@@ -9,12 +9,12 @@ pub(super) use decode::{Decode, Encode};
 pub(super) use points::{PinholePoints, PinholeRays, Planar, PointsRow, Rotate, Unit};
 pub(super) use project::{ProjectLens, ProjectPinhole};
 
-pub(super) use crate::cpu::{Body, run};
+pub(super) use crate::isa::{Body, run};
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cpu::Isa;
+    use crate::isa::Isa;
     use crate::view::{DepthSample, PointSample};
 
     /// Numbers in between, and the awkward ones.

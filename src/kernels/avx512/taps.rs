@@ -4,7 +4,7 @@ use std::arch::x86_64::*;
 use std::mem::MaybeUninit;
 
 use crate::kernels::Sampled;
-use crate::kernels::quantise::{self, BELOW, FIXED, WHOLE, last};
+use crate::kernels::rounding::{self, BELOW, FIXED, WHOLE, last};
 
 /// A control of `vpmultishiftqb` that lays eight bits from each of these on into a byte, the lowest byte first. 0 is for
 /// bytes that are not looked at.
@@ -22,7 +22,7 @@ const fn bits_from(at: [u32; 8]) -> i64 {
 const FRACTION: u32 = BELOW;
 const PIXEL: u32 = BELOW + 15;
 
-/// As [`quantise::taps_of_row`].
+/// As [`rounding::taps_of_row`].
 ///
 /// A byte of a number may begin at any of its bits here, so that one instruction takes pixel and fraction out of a
 /// coordinate and puts them where a tap has them: half the time of the shifts and masks that the plain loop needs.
@@ -70,7 +70,7 @@ pub(in crate::kernels) fn taps_of_row(
         // SAFETY: eight kinds of a byte each; the store writes the lower eight bytes.
         unsafe { _mm_storel_epi64(kinds.as_mut_ptr().cast(), _mm_maskz_set1_epi8(inside.into(), 1)) };
     }
-    quantise::taps_of_row(Sampled { us, vs, ..row }, taps, kinds, all);
+    rounding::taps_of_row(Sampled { us, vs, ..row }, taps, kinds, all);
     *all &= all_inside == 0xff;
 }
 

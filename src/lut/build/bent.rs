@@ -6,8 +6,8 @@ use nalgebra::{Matrix3, Vector3};
 
 use crate::camera::Lens;
 use crate::camera::lens::{Distort, Line, OnLine, distort_all, each_distort};
-use crate::cpu::{Isa, for_each_isa};
 use crate::error::Result;
+use crate::isa::{Isa, for_each_isa};
 use crate::kernels::Row;
 
 /// A row of points in the camera frame behind a lens: `(u, v) = K (lens(origin + step * t), 1)`.

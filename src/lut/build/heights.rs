@@ -4,7 +4,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use crate::camera::Lens;
 use crate::camera::lens::{Distort, distort_all, each_distort};
-use crate::cpu::{Isa, for_each_isa};
+use crate::isa::{Isa, for_each_isa};
 
 /// A row of points in the camera frame, `origin + across * y + up * z`: the row of a grid whose heights are given.
 pub(crate) struct HeightsRow<'a> {

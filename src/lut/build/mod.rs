@@ -21,10 +21,10 @@ use window::Window;
 
 use super::{Lut, Scene};
 use crate::camera::Camera;
-use crate::cpu::Isa;
 use crate::error::{Error, LutError, Result, ViewError};
 use crate::grid::BevGrid;
 use crate::ground::{Ground, Plane};
+use crate::isa::Isa;
 use crate::kernels::Row;
 use crate::table::{BorderMode, Edges, Table};
 use crate::view::check_image_size;

@@ -3,8 +3,8 @@
 use std::mem::MaybeUninit;
 use std::ops::Range;
 
-use crate::cpu::Isa;
 use crate::error::Result;
+use crate::isa::Isa;
 use crate::kernels::{Kinds, Row, Sampled, quantise_one};
 use crate::parallel::{self, Work};
 use crate::table::{BorderMode, Edges, RowEnd, RowSpans, SpanKind, Table, Tap, band_rows, framed};

@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use crate::cpu::{Isa, for_each_isa};
+use crate::isa::{Isa, for_each_isa};
 
 /// `(u, v) = (q.x / q.z, q.y / q.z)` with `q = origin + step * t`, along a row of the output.
 pub(crate) struct ProjectiveRow {

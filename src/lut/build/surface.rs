@@ -6,9 +6,9 @@ use nalgebra::Vector3;
 
 use super::heights::HeightsRow;
 use crate::camera::Camera;
-use crate::cpu::Isa;
 use crate::error::Result;
 use crate::ground::{HeightMap, HeightRows, Sight};
+use crate::isa::Isa;
 use crate::view::buffer;
 
 /// A grid's rows as a camera sees them over a height map.
@@ -68,7 +68,7 @@ impl<'a> Surface<'a> {
 mod tests {
     use super::Surface;
     use crate::camera::{BrownConrady, KannalaBrandt, Lens, Pinhole};
-    use crate::cpu::Isa;
+    use crate::isa::Isa;
     use crate::{BevGrid, Camera, Ground, HeightMap, Lut, Plane, SampleAt};
 
     fn camera() -> Camera {

@@ -1,7 +1,7 @@
 //! Sums over the cells that look at the entries of a row: plain loops over channels side by side, which become vectors.
 
 use super::transposed::{LooksOfRow, Weight};
-use crate::cpu::Body;
+use crate::isa::Body;
 use crate::view::PointSample;
 
 /// `N` neighbouring channels of cells: sample `cell * stride + first` and those that follow.

@@ -4,8 +4,8 @@ use std::ops::Range;
 
 use super::gather::{Cells, Gather, Interleaved};
 use super::transposed::{Transposed, WHAT, Weight};
-use crate::cpu::{self, Body, Isa};
 use crate::error::Result;
+use crate::isa::{self, Body, Isa};
 use crate::parallel;
 use crate::view::{PointSample, buffer};
 use crate::warp::area::plan::{Plan, RipLevel};
@@ -34,7 +34,7 @@ impl<'a, const N: usize> LevelSums<'a, N> {
         });
         parallel::for_each(threads, rows, |(plane, row, sums)| {
             let put = Interleaved { row: sums, channels: N, first: 0 };
-            cpu::run(isa, Gather::<_, _, _, N> { looks: transposed.row(plane, row), cells, put });
+            isa::run(isa, Gather::<_, _, _, N> { looks: transposed.row(plane, row), cells, put });
             Ok(())
         })?;
         Ok(Self { levels: &plan.levels, sums })
@@ -59,7 +59,7 @@ impl<'a, const N: usize> LevelSums<'a, N> {
                     if start < end {
                         let kept = (start - level.first_column) as usize..(end - level.first_column) as usize;
                         let pixels = &mut pixels[(start as usize) << log_step..];
-                        cpu::run(
+                        isa::run(
                             isa,
                             Spread { sums: &sums[kept], part, step: 1 << log_step, side: 1 << level.kx, pixels },
                         );

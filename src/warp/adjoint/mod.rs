@@ -15,8 +15,8 @@ use std::{array, iter, slice};
 use super::area::looks::each_look;
 use super::area::plan::Plan;
 use super::{Interpolation, WarpOptions};
-use crate::cpu::{self, Isa};
 use crate::error::{Result, ViewError, WarpError};
+use crate::isa::{self, Isa};
 use crate::lut::{Derivative, Lut};
 use crate::parallel;
 use crate::view::{ImageView, ImageViewMut, PointSample, RowsMut, buffer};
@@ -235,7 +235,7 @@ impl Job {
         row: &mut [T],
     ) {
         let put = Interleaved { row, channels: cells.stride, first: cells.first };
-        cpu::run(self.isa, Gather::<_, _, _, N> { looks, cells, put });
+        isa::run(self.isa, Gather::<_, _, _, N> { looks, cells, put });
     }
 
     /// Gathers `N` neighbouring channels of an image, with levels.
@@ -305,7 +305,7 @@ impl Job {
         let of_rows = packed[..row_length * rows * N].chunks_mut(row_length * N).enumerate();
         parallel::for_each(self.threads, of_rows, |(row, packed)| {
             let planes = images.map(|image| &image.data()[image.row_start(row)..][..row_length]);
-            cpu::run(self.isa, Pack { planes, packed });
+            isa::run(self.isa, Pack { planes, packed });
             Ok(())
         })?;
         Ok(&packed[..row_length * rows * N])
@@ -341,11 +341,11 @@ impl<'a, W: Weight, const N: usize> Rows<'a, W, N> {
     fn fill<T: PointSample, P: Put<N>>(&self, y: usize, cells: Cells<'_, T>, mut put: P, sums: &mut [[f64; N]]) {
         let looks = self.transposed.row(0, y);
         let Some(levels) = &self.levels else {
-            return cpu::run(self.isa, Gather::<_, _, _, N> { looks, cells, put });
+            return isa::run(self.isa, Gather::<_, _, _, N> { looks, cells, put });
         };
         sums.fill([0.0; N]);
         let own = Interleaved { row: sums.as_flattened_mut(), channels: N, first: 0 };
-        cpu::run(self.isa, Gather::<_, _, _, N> { looks, cells, put: own });
+        isa::run(self.isa, Gather::<_, _, _, N> { looks, cells, put: own });
         levels.add_to(self.isa, y, sums);
         sums.iter().enumerate().for_each(|(column, &sums)| put.put(column, sums));
     }

@@ -1,9 +1,9 @@
 //! The footprints of cells, worked out from their taps and plan.
 
 use super::plan::{PatternSpan, RowPlan};
-use crate::cpu::Isa;
-use crate::cpu::for_each_isa;
 use crate::error::Result;
+use crate::isa::Isa;
+use crate::isa::for_each_isa;
 use crate::lut::footprint::Coordinates;
 use crate::table::block::Block;
 use crate::table::block::{LANES, Size};

@@ -4,8 +4,8 @@ use std::ops::Range;
 
 use super::plan::{Plan, RipLevel};
 use super::scratch_lease::ScratchLease;
-use crate::cpu::Isa;
 use crate::error::Result;
+use crate::isa::Isa;
 use crate::kernels::Average;
 use crate::parallel;
 use crate::view::buffer;

@@ -17,8 +17,8 @@ use std::slice;
 
 use super::options::border_of;
 use super::{Bilinear, WarpOptions};
-use crate::cpu::Isa;
 use crate::error::Result;
+use crate::isa::Isa;
 use crate::kernels::{Average, ProbesKernel, RowKernels, Source, sealed::Blend};
 use crate::lut::Lut;
 use crate::parallel;

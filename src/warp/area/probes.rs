@@ -2,8 +2,8 @@
 
 use super::footprints::Footprints;
 use super::plan::{PatternSpan, RipLevel, RowPlan};
-use crate::cpu::Isa;
-use crate::cpu::for_each_isa;
+use crate::isa::Isa;
+use crate::isa::for_each_isa;
 use crate::kernels::FRACTION_BITS;
 use crate::kernels::Probes;
 use crate::table::Tap;

@@ -3,8 +3,8 @@
 //! ones that are larger by half the range.
 
 use super::warp;
-use crate::cpu::{self, Body, Isa};
 use crate::error::Result;
+use crate::isa::{self, Body, Isa};
 use crate::kernels::Average;
 use crate::lut::Lut;
 use crate::parallel::{self, check_interrupt};
@@ -111,7 +111,7 @@ pub(super) fn warp_by_stand_in<T: StandIn>(
 }
 
 fn convert<T: Copy, U>(isa: Isa, from: &[T], to: &mut [U], each: impl Fn(T) -> U) {
-    cpu::run(isa, Convert { from, to, each });
+    isa::run(isa, Convert { from, to, each });
 }
 
 struct Convert<'a, T, U, F> {

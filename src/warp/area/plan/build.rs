@@ -2,14 +2,14 @@
 
 use std::ops::Range;
 
+use super::block_sides::{BATCH, Samples};
 use super::column_bounds::ColumnBounds;
 use super::coverage::LevelCoverages;
 use super::fit_cubic::{BlockFit, Variation, decide};
-use super::samples::{BATCH, Samples};
 use super::support::SupportBounds;
 use super::{Band, BlockRow, BlockSpan, Plan};
-use crate::cpu::Isa;
 use crate::error::Result;
+use crate::isa::Isa;
 use crate::lut::footprint::{Coordinates, check_sides};
 use crate::parallel::{self, Work};
 use crate::table::Table;

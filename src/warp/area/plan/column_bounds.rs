@@ -2,9 +2,9 @@
 
 use std::ops::Range;
 
-use crate::cpu::Isa;
-use crate::cpu::for_each_isa;
 use crate::error::Result;
+use crate::isa::Isa;
+use crate::isa::for_each_isa;
 use crate::kernels::Row;
 use crate::lut::footprint::{Coordinates, OUTSIDE};
 use crate::table::block::{LANES, Size, lanes};

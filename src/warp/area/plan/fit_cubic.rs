@@ -1,10 +1,10 @@
 //! From what is known of blocks to how they are averaged.
 
-use super::choose::{choose, larger, largest_logs, smaller, steepness};
-use super::samples::{BATCH, Fours, NODES, Samples};
+use super::block_sides::{BATCH, Fours, NODES, Samples};
+use super::choose_samples::{choose, larger, largest_logs, smaller, steepness};
 use super::variance_match::VarianceMatch;
-use crate::cpu::Isa;
-use crate::cpu::for_each_isa;
+use crate::isa::Isa;
+use crate::isa::for_each_isa;
 use crate::kernels::FRACTION_BITS;
 use crate::table::block::{Block, Size, polynomials};
 use crate::table::pattern::SamplePattern;

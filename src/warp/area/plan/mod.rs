@@ -6,12 +6,12 @@
 //! or into a *level*: the source averaged over `2^kx x 2^ky` boxes that overlap by half. Which lattice and which
 //! level is its [`SamplePattern`], chosen for a [`Block`] of cells at once; see docs/decisions/0013.
 
+mod block_sides;
 mod build;
-mod choose;
+mod choose_samples;
 mod column_bounds;
 mod coverage;
 mod fit_cubic;
-mod samples;
 mod scratch_pool;
 mod support;
 mod variance_match;

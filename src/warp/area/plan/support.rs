@@ -3,11 +3,11 @@
 use std::ops::Range;
 
 use super::RipLevel;
+use super::block_sides::BATCH;
 use super::column_bounds::{ColumnBounds, QuarterBounds};
 use super::fit_cubic::BlockFit;
-use super::samples::BATCH;
-use crate::cpu::Isa;
-use crate::cpu::for_each_isa;
+use crate::isa::Isa;
+use crate::isa::for_each_isa;
 use crate::kernels::FRACTION_BITS;
 use crate::table::block::Size;
 use crate::table::pattern::SamplePattern;
@@ -50,7 +50,7 @@ impl SupportBounds {
         self.discontinuous[..blocks].contains(&true)
     }
 
-    /// RowIntervals and rows of the level that a block touches.
+    /// Columns and rows of the level that a block touches.
     pub(super) fn entries(&self, index: usize) -> [Range<u32>; 2] {
         [0, 1].map(|axis| self.starts[axis][index]..self.ends[axis][index])
     }

@@ -1,9 +1,9 @@
 //! Lattices drawn in, so that boxes do not blur over the edge of the footprint.
 
-use super::choose::{larger, power, smaller};
-use super::samples::BATCH;
-use crate::cpu::Isa;
-use crate::cpu::for_each_isa;
+use super::block_sides::BATCH;
+use super::choose_samples::{larger, power, smaller};
+use crate::isa::Isa;
+use crate::isa::for_each_isa;
 
 /// What footprints are multiplied with: (x, y) becomes `(xx x, yx x + yy y)`.
 pub(super) struct VarianceMatch {

@@ -2,9 +2,9 @@
 
 use std::ops::Range;
 
-use super::choose::{larger, smaller};
-use crate::cpu::Isa;
-use crate::cpu::for_each_isa;
+use super::choose_samples::{larger, smaller};
+use crate::isa::Isa;
+use crate::isa::for_each_isa;
 use crate::lut::footprint::{Coordinates, slope};
 use crate::table::block::{LANES, Size};
 
@@ -167,7 +167,7 @@ fn read_block(axes: Axes<'_>, first: usize, columns: [usize; 4], index: usize, a
     }
 }
 
-/// RowIntervals of a block between two of it at which to look at sides: four if these are far enough apart, the two if not, and
+/// Columns of a block between two of it at which to look at sides: four if these are far enough apart, the two if not, and
 /// one if they are close.
 fn columns_between(size: Size, first: usize, last: usize) -> [usize; 4] {
     let (distance, columns) = (size.distance(last) - size.distance(first), size.columns());
@@ -208,7 +208,7 @@ fn move_to_nodes(known: [i32; 4], sides: [&mut [Fours<f32>; 4]; 2], index: usize
 /// The two rows in the middle of a row of blocks, and those before and after these.
 type Middle = [Coordinates; 4];
 
-/// RowIntervals and rows of the coordinates of [`Middle`]; entry i + 1 of a row is of cell i.
+/// Columns and rows of the coordinates of [`Middle`]; entry i + 1 of a row is of cell i.
 type Axes<'a> = [[&'a [i32]; 2]; 4];
 
 /// Works out sides, changes and, for each node, bends as [`Samples`] has them.

@@ -1,7 +1,7 @@
 //! How a footprint is averaged: which lattice of probes, over which boxes.
 
-use crate::cpu::Isa;
-use crate::cpu::for_each_isa;
+use crate::isa::Isa;
+use crate::isa::for_each_isa;
 use crate::table::pattern::{MAX_LOG, MAX_PROBES};
 
 /// The largest level that a source of this size has in each direction.

@@ -122,17 +122,17 @@ pub fn cpu_features() -> Vec<&'static str> {
 macro_rules! by_isa {
     ($isa:expr, Scalar => $scalar:expr, Avx2 => $avx2:expr, Avx512 => $avx512:expr, Neon => $neon:expr $(,)?) => {
         match $isa {
-            $crate::cpu::Isa::Scalar => $scalar,
+            $crate::isa::Isa::Scalar => $scalar,
             #[cfg(target_arch = "x86_64")]
-            $crate::cpu::Isa::Avx2 => $avx2,
+            $crate::isa::Isa::Avx2 => $avx2,
             #[cfg(target_arch = "x86_64")]
-            $crate::cpu::Isa::Avx512 => $avx512,
+            $crate::isa::Isa::Avx512 => $avx512,
             #[cfg(not(target_arch = "x86_64"))]
-            $crate::cpu::Isa::Avx2 | $crate::cpu::Isa::Avx512 => $scalar,
+            $crate::isa::Isa::Avx2 | $crate::isa::Isa::Avx512 => $scalar,
             #[cfg(target_arch = "aarch64")]
-            $crate::cpu::Isa::Neon => $neon,
+            $crate::isa::Isa::Neon => $neon,
             #[cfg(not(target_arch = "aarch64"))]
-            $crate::cpu::Isa::Neon => $scalar,
+            $crate::isa::Isa::Neon => $scalar,
         }
     };
 }
@@ -187,7 +187,7 @@ macro_rules! for_each_isa {
         fn avx512($($name: $type),*) {
             $avx512($($name),*)
         }
-        $crate::cpu::by_isa!(
+        $crate::isa::by_isa!(
             $isa,
             Scalar => $scalar($($name),*),
             // SAFETY: an `Isa` other than scalar is only made where `Isa::is_supported` found what it needs.

@@ -3,8 +3,8 @@
 use std::mem::MaybeUninit;
 use std::ops::Range;
 
-use crate::cpu::{Isa, for_each_isa};
 use crate::error::Result;
+use crate::isa::{Isa, for_each_isa};
 use crate::table::{ONE, SpanKind, Tap};
 use crate::view::buffer;
 
