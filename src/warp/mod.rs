@@ -23,6 +23,7 @@ pub(crate) mod area;
 mod blend;
 pub mod direct;
 pub(crate) mod error;
+mod interpolation;
 mod masked;
 mod mode;
 mod nearest;
@@ -30,7 +31,8 @@ mod options;
 pub mod reference;
 
 pub use blend::Bilinear;
-pub use options::{Interpolation, WarpOptions};
+pub use interpolation::Interpolation;
+pub use options::WarpOptions;
 
 use std::borrow::Cow;
 use std::slice;

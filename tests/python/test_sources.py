@@ -34,10 +34,10 @@ def test_unsafe_lives_where_decision_0007_says():
     assert [place for place, count in places.items() if not count] == []
 
 
-BASE = {"error", "cpu", "view", "parallel", "digits"}
+BASE = {"error", "isa", "view", "parallel", "digits"}
 #: Which rooms of the crate each may use, besides itself. What is not listed may be used by nobody below `python`.
 MAY_USE = {
-    "cpu": set(),
+    "isa": set(),
     "digits": set(),
     "view": {"error"},
     "parallel": {"error", "view"},
@@ -84,7 +84,7 @@ def test_rooms_use_only_what_stands_below_them():
 def test_errors_live_beside_what_raises_them_and_know_nothing_else():
     """`error.rs` gathers them and so names every room; none of the files it names knows one."""
     gathered = re.findall(r"\buse crate::([\w:]+)", code(ROOT / "src/error.rs"))
-    single = {"cpu::IsaError", "grid::GridError"}  # in files of their own, which use no other room's errors
+    single = {"isa::IsaError", "grid::GridError"}  # in files of their own, which use no other room's errors
     assert single < set(gathered)
     named = {"/".join(name.split("::error")[0].split("::")) + "/error.rs" for name in set(gathered) - single}
     rooms = [path for path in RUST if path.name == "error.rs" and "python" not in path.parts]
