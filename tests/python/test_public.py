@@ -90,7 +90,8 @@ def test_every_public_name_is_of_a_kind_that_is_looked_at():
 
 
 def documented_on_the_api_page() -> set[str]:
-    page = (ROOT / "docs" / "api.md").read_text(encoding="utf-8")
+    pages = (page.read_text(encoding="utf-8") for page in sorted((ROOT / "docs" / "api").glob("*.md")))
+    page = "\n".join(pages)
     return {name.removeprefix("ipm_rs.") for name in re.findall(r"^::: (ipm_rs\.[\w.]+)$", page, re.MULTILINE)}
 
 
@@ -103,7 +104,18 @@ def test_the_api_page_has_every_public_name():
         functions = {f"{module}.{name}" for name in own if inspect.isroutine(getattr(PUBLIC[module], name))}
         assert module in on_page or functions <= on_page, module
     assert "errors" in on_page and set(EXCEPTIONS) <= set(errors.__all__)
-    assert "ipm_rs.__version__" in (ROOT / "docs" / "api.md").read_text(encoding="utf-8")
+    assert "ipm_rs.__version__" in (ROOT / "docs" / "api" / "index.md").read_text(encoding="utf-8")
+
+
+def test_every_page_of_names_is_in_the_table_of_them():
+    folder = ROOT / "docs" / "api"
+    index = (folder / "index.md").read_text(encoding="utf-8")
+    for page in sorted(folder.glob("*.md")):
+        for name in re.findall(r"^::: (ipm_rs\.[\w.]+)$", page.read_text(encoding="utf-8"), re.MULTILINE):
+            if name == "ipm_rs.refine":
+                continue  # its text only
+            whole = name.removeprefix("ipm_rs.").split(".")[0] in ("errors", "reference", "pointfile")
+            assert f"({page.name}{'' if whole else '#' + name})" in index, name
 
 
 def test_the_api_page_has_nothing_that_is_not_public():
