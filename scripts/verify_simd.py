@@ -34,8 +34,8 @@ X86_64 = {
     "quantise_inside::avx2": ["vaddpd .*ymm", "vpsrlq .*ymm"],
     "fill::avx512": ["vdivpd .*zmm"],
     "fill::avx2": ["vdivpd .*ymm"],
-    "cpu::run::avx512": ["vdivpd .*zmm", "vcvtps2pd .*zmm", "vpermt2p[sd] .*zmm"],
-    "cpu::run::avx2": ["vdivpd .*ymm", "vcvtps2pd .*ymm"],
+    "isa::run::avx512": ["vdivpd .*zmm", "vcvtps2pd .*zmm", "vpermt2p[sd] .*zmm"],
+    "isa::run::avx2": ["vdivpd .*ymm", "vcvtps2pd .*ymm"],
     "build::bent::BentRow::fill::avx512": ["vdivpd .*zmm", "vsqrtpd .*zmm"],
     "build::bent::BentRow::fill::avx2": ["vdivpd .*ymm", "vsqrtpd .*ymm"],
 }
@@ -55,7 +55,7 @@ BEYOND_SSE2 = re.compile(
 )
 # The contract of the float kernels: nothing fused, or their answers would differ from the scalar ones.
 FUSED = re.compile(r"vfn?m(add|sub)")
-UNFUSED = re.compile(r"ipm_rs::kernels::|build::bent::|cpu::run::")
+UNFUSED = re.compile(r"ipm_rs::kernels::|build::bent::|isa::run::")
 
 # Ordinary code that must be among what was looked at, or looking proves nothing.
 BASELINE = ["kernels::scalar::bilinear", "geometry::", "python::"]
