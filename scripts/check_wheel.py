@@ -50,7 +50,7 @@ def check_contents(archive: zipfile.ZipFile, faults: Faults) -> str:
     """Compare the files with those of the source tree, and all with their hashes; return the library's name."""
     names = set(archive.namelist())
     info = next(name for name in names if name.endswith(".dist-info/METADATA")).rpartition("/")[0]
-    sources = {path for kind in ("*.py", "*.pyi", "py.typed") for path in (ROOT / "python").rglob(kind)}
+    sources = {path for kind in ("*.py", "*.pyi", "py.typed", "*.html") for path in (ROOT / "python").rglob(kind)}
     expected = {path.relative_to(ROOT / "python").as_posix() for path in sources}
     expected |= {f"{info}/{name}" for name in ("METADATA", "WHEEL", "RECORD", "entry_points.txt")}
     expected |= {f"{info}/licenses/{path.name}" for path in ROOT.glob("LICENSE-*")}

@@ -1,4 +1,5 @@
-//! Which samples an image's dtype means to the core, for each way to interpolate.
+//! Which samples an image's dtype means to the core, for each way to interpolate. The types of samples are in
+//! `view/number.rs`.
 
 use numpy::{PyArrayDescr, PyArrayDescrMethods};
 use pyo3::prelude::*;
