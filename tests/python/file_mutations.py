@@ -7,6 +7,7 @@ Tables' own files are also forged: their checksums fit what was changed, so that
 
 from __future__ import annotations
 
+import io
 import random
 import sys
 import tempfile
@@ -75,10 +76,10 @@ def samples(folder: Path) -> dict[Path, Callable[[Path], object]]:
 
 def forge(path: Path, data: bytes, rng: random.Random) -> bytes:
     """A table's file with a value of its header or a byte of its blocks changed, and checksums that fit."""
-    content = container.read(path, data, "Lut")
+    content = container.read(path, io.BytesIO(data), "Lut")
     header = dict(content.header)
     kind, _ = header.pop("kind"), (header.pop("blocks"), header.pop("written_by"))
-    blocks = {name: bytearray(content.block(name)) for name in content.ranges}
+    blocks = {name: bytearray(content.block(name)) for name in content.blocks}
     if rng.random() < 0.5:
         block = blocks[rng.choice(sorted(blocks))]
         for _ in range(rng.choice((1, 1, 3))):

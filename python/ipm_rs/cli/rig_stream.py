@@ -39,17 +39,17 @@ def run(args: argparse.Namespace, lut: ipm_rs.RigLut, sources: Mapping[str, Path
         raise ArgumentError(
             f"NAME=STREAM: expected one for each camera, got none for {', '.join(lacking)}; give it, or --missing next"
         )
-    opened = {name: opened(path, name) for name, path in sources.items()}
-    for name, stream in opened.items():
+    each = {name: opened(path, name) for name, path in sources.items()}
+    for name, stream in each.items():
         size = lut.rig[name].image_size
         if stream.size is not None and stream.size != size:
             raise ImageError(
                 f"{stream.path}: expected {size[0]}x{size[1]} pixels, as camera {name!r} has, got "
                 f"{stream.size[0]}x{stream.size[1]}; use the original, or --image-size"
             )
-    joined = streams.together(opened, tolerance=args.tolerance, partial=args.missing is not None)
+    joined = streams.together(each, tolerance=args.tolerance, partial=args.missing is not None)
     joined = joined.chosen(every=args.every, start=args.start, end=args.end)
-    check_destination(args.output, [stream.path for stream in opened.values()], force=args.force, skip_existing=False)
+    check_destination(args.output, [stream.path for stream in each.values()], force=args.force, skip_existing=False)
     table = _Balanced(lut) if args.gains else lut
     summary = warped(joined, table, args.output, quiet=args.quiet, jobs=args.jobs, **options)
     conclude(args.output, lut, summary, quiet=args.quiet)
