@@ -218,6 +218,7 @@ def test_mistakes_are_told_in_a_line(drive, capsys, frames):
     assert "brightness" in told("--labels", "--gains")
     assert "--ray, got both" in told("--ray", "--gains")
     assert "map of labels, got one of pictures" in told("--blend", "labels")
+    assert not (drive / "map").exists()
     ipm_rs.Mosaic(0.1, tile=64, path=drive / "map").close()
     assert "keeps samples" in told("--blend", "robust")
     assert "wheels" in told("--ground", "low")

@@ -164,7 +164,6 @@ def run(args: argparse.Namespace) -> None:
     if args.ray is not None:
         mosaic_ray.check(args, sources, poses)
     with _opened(args) as mosaic:
-        _check_blend(mosaic, args.blend)
         done = Done()
         if args.ray is None:
             _add_all(mosaic, stream, cameras, poses, ground, args, done)
@@ -189,18 +188,20 @@ def _opened(args: argparse.Namespace) -> ipm_rs.Mosaic:
         with ipm_rs.Mosaic.load(args.output) as known:
             samples = known.samples if args.samples is None else samples
             labels = labels or known.labels
+    _check_blend(args.blend, samples, labels)  # first: a folder would stay behind, of a map that nobody wanted
     return ipm_rs.Mosaic(args.resolution, tile=args.tile, path=args.output, samples=samples, labels=labels)
 
 
-def _check_blend(mosaic: ipm_rs.Mosaic, blend: str | None) -> None:
+def _check_blend(blend: str | None, samples: int | None, labels: bool) -> None:
     """Refuse, before frames are added, to draw what the map does not keep."""
-    if blend in ("robust", "feathered") and not mosaic.samples:
+    if blend in ("robust", "feathered") and not samples:
         raise ArgumentError(
             f"--blend {blend}: expected a map that keeps samples, got one without; map into a new folder"
         )
-    if blend is not None and blend != "best" and (blend == "labels") != mosaic.labels:
-        kinds = ("labels", "pictures") if mosaic.labels else ("pictures", "labels")
-        raise ArgumentError(f"--blend {blend}: expected a map of {kinds[1]}, got one of {kinds[0]}; choose another")
+    if blend == "labels" and not labels:
+        raise ArgumentError("--blend labels: expected a map of labels, got one of pictures; give --labels to a new map")
+    if labels and blend not in (None, "best", "labels"):
+        raise ArgumentError(f"--blend {blend}: expected a map of pictures, got one of labels; choose another")
 
 
 class Done:
