@@ -13,20 +13,20 @@ import hashlib
 import os
 import shutil
 import subprocess
-import sys
 import tarfile
 import tempfile
 import venv
 from pathlib import Path
+from typing import Any
 
 ROOT = Path(__file__).resolve().parent.parent
 SMOKE = Path(__file__).with_name("smoke.py")
 
 
-def run(command: list[str | Path], **options: object) -> None:
+def run(command: list[str | Path], **options: Any) -> None:
     """Run a command and end with it where it fails."""
     print("+", *command, flush=True)
-    if subprocess.run([str(part) for part in command], check=False, **options).returncode:  # type: ignore[call-overload]
+    if subprocess.run([str(part) for part in command], check=False, **options).returncode:
         raise SystemExit(f"failed: {' '.join(map(str, command))}")
 
 
@@ -113,4 +113,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

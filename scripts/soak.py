@@ -17,6 +17,7 @@ import time
 import warnings
 
 import numpy as np
+from process_memory import resident
 
 import ipm_rs
 
@@ -85,12 +86,6 @@ def in_child(work: Work, seed: int) -> None:
         time.sleep(0.005)
     if status != 0:
         raise AssertionError(f"a child of a fork ended with {status}")
-
-
-def resident() -> float:
-    """MB of this process that are in memory."""
-    with open("/proc/self/statm") as file:  # noqa: PTH123 - no path of a file system
-        return int(file.read().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
 
 
 def main() -> int:

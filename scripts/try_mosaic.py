@@ -24,7 +24,6 @@ from __future__ import annotations
 
 import argparse
 import io
-import os
 import signal
 import subprocess
 import sys
@@ -35,6 +34,7 @@ from pathlib import Path
 
 import numpy as np
 from PIL import Image
+from process_memory import resident
 from try_refine import Road, photographed, ring_of
 
 import ipm_rs
@@ -235,11 +235,6 @@ def kills(args: argparse.Namespace) -> None:
             assert mosaic.frames == frames
             assert all((one[name] == other[name]).all() for name in names)
     print(f"the map is the one of a run without a break, to the last bit, of {frames} frames and {len(names)} layers")
-
-
-def resident() -> float:
-    """Return the process's memory in MB."""
-    return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
 
 
 def kitti_frame() -> tuple[ipm_rs.Camera, np.ndarray]:

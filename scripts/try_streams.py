@@ -25,6 +25,7 @@ from typing import Any
 import av
 import numpy as np
 from PIL import Image
+from process_memory import resident
 
 import ipm_rs
 from ipm_rs import scene, streams
@@ -116,12 +117,6 @@ def video(work: Path, count: int = 150) -> None:
     cpu, cpu_alone = least(time.process_time, 2, ours, alone)
     print(f"video: {count / wall:.1f} frames/s, PyAV {count / wall_alone:.1f}: {wall_alone / wall:.2f} (at least 0.85)")
     print(f"video: {1e3 * cpu / count:.1f} ms of CPU a frame, PyAV {1e3 * cpu_alone / count:.1f}", flush=True)
-
-
-def resident() -> float:
-    """Return the megabytes of memory that the process holds."""
-    pages = int(Path("/proc/self/statm").read_text().split()[1])
-    return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
 
 
 def memory(work: Path, count: int = 100_000) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from abc import abstractmethod
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, Literal
@@ -33,13 +34,13 @@ class Addable(Readable):
     _broken: bool
     _drive: Drive | None
 
+    @abstractmethod
     def _empty(self, path: str | None) -> Any:
         """Return a map of the same cells, of any pictures, for a while."""
-        raise NotImplementedError
 
+    @abstractmethod
     def _count(self, frames: int, names: Iterable[str]) -> None:
         """Note that frames were added, and make them last now and then."""
-        raise NotImplementedError
 
     def add(
         self,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import Any, Literal
@@ -32,7 +33,7 @@ _MOST_CELLS = 1 << 28
 Blend = Literal["refined", "weighted", "best", "mean", "robust", "feathered", "labels"]
 
 
-class Readable:
+class Readable(ABC):
     """The part of a `Mosaic` that reads its tiles."""
 
     _resolution: float
@@ -43,9 +44,9 @@ class Readable:
     _kind: Kind | None
     _tiles: Tiles
 
+    @abstractmethod
     def _check_whole(self) -> None:
         """Refuse a map that was closed, or interrupted half-way."""
-        raise NotImplementedError
 
     @property
     def resolution(self) -> float:
