@@ -9,6 +9,7 @@ use std::ops::Range;
 
 pub(crate) mod block;
 mod border_mode;
+mod bounds;
 mod bytes;
 pub(crate) mod error;
 pub(crate) mod pattern;
