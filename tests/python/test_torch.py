@@ -5,6 +5,8 @@ from __future__ import annotations
 import copy
 import io
 import pickle
+import threading
+import weakref
 
 import numpy as np
 import pytest
@@ -205,6 +207,72 @@ def test_a_graph_outlives_its_layer():
         torch.ops.ipm_rs.warp(images, "no such table", "bilinear", [0.0])
     loss.backward()
     assert images.grad.abs().sum() > 0
+
+
+LARGE = ipm_rs.Lut.from_maps(*np.mgrid[:150, :150].astype(float)[::-1], source_size=(150, 150))
+
+
+def test_memory_is_used_again_once_nobody_holds_the_result():
+    layer, images = Warp(LARGE), numbers(1, 16, 150, 150)
+    first = layer(images)
+    place, expected = first.data_ptr(), first.clone()
+    second = layer(2 * images)  # the first is still held
+    assert second.data_ptr() != place
+    assert torch.equal(first, expected) and torch.equal(second, 2 * expected)
+    place = second.data_ptr()
+    del second
+    assert layer(3 * images).data_ptr() == place
+    smaller = layer(images[:, :15])
+    assert torch.equal(smaller, expected[:, :15])
+
+
+@pytest.mark.parametrize(
+    "hold",
+    [
+        lambda view: view.numpy(),
+        lambda view: view[0, 3:5],
+        lambda view: view.detach().permute(0, 2, 3, 1),
+        lambda view: np.from_dlpack(view),
+        lambda view: view.untyped_storage(),
+        lambda view: view.requires_grad_().square().grad_fn,
+    ],
+    ids=["array", "part", "detached", "dlpack", "storage", "graph"],
+)
+def test_memory_that_anything_holds_is_not_used_again(hold):
+    layer, images = Warp(LARGE), lasting(numbers(1, 16, 150, 150))
+    view = layer(images)
+    place, held = view.data_ptr(), hold(view)
+    del view
+    others = [layer(images + count) for count in range(3)]
+    assert place not in {other.data_ptr() for other in others}
+    assert held is not None
+
+
+def test_threads_that_share_a_layer_have_memory_of_their_own():
+    layer, images = Warp(LARGE), numbers(1, 16, 150, 150)
+    expected = [layer(images + count).clone() for count in range(4)]
+    wrong = []
+
+    def work(count: int) -> None:
+        for _ in range(50):
+            if not torch.equal(layer(images + count), expected[count]):
+                wrong.append(count)
+
+    threads = [threading.Thread(target=work, args=(count,)) for count in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert not wrong
+
+
+def test_memory_goes_with_the_layer():
+    lut = ipm_rs.Lut.from_maps(*np.mgrid[:140, :150].astype(float)[::-1], source_size=(150, 150))
+    layer = Warp(lut)
+    layer(numbers(1, 16, 150, 150))
+    memory = weakref.ref(layer._table.memory)
+    del layer
+    assert memory() is None
 
 
 # ---------------------------------------------------------------------------------------------------------------------

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
 import torch
 from torch import Tensor
 
@@ -32,17 +31,14 @@ def _like(images: Tensor, shape: tuple[int, int], interleaved: bool) -> Tensor:
     return torch.empty((count, channels, *shape), dtype=images.dtype, device=images.device, memory_format=order)
 
 
-def _room(images: Tensor, shape: tuple[int, int], interleaved: bool) -> Tensor:
-    """Return memory as `_like` does, from NumPy, which asks the system for large pages.
-
-    Of `torch.empty` each page of 4 KiB is cleared when it is first written: of 64 x 860 x 800 float32 that took 100 ms
-    of 187, which are 25 ms with large pages.
-    """
+def _room(table: str, kind: str, images: Tensor, shape: tuple[int, int], interleaved: bool) -> Tensor:
+    """Return memory as `_like` does, that of the table's last such result if nobody holds it any more."""
     count, channels = images.shape[:2]
     size = count * channels * shape[0] * shape[1]
     if size == 0:
         return _like(images, shape, interleaved)
-    memory = torch.from_numpy(np.empty(size * images.element_size(), np.uint8)).view(images.dtype)
+    room = table_named(table).memory.room(kind, size * images.element_size())
+    memory = torch.from_numpy(room).view(images.dtype)
     if interleaved:
         return memory.view(count, *shape, channels).permute(0, 3, 1, 2)
     return memory.view(count, channels, *shape)
@@ -94,7 +90,7 @@ def warp(images: Tensor, table: str, interpolation: str, border: Sequence[float]
     """(N, C, H, W) images of a camera to (N, C, rows, columns) of the road."""
     lut = _lut(table)
     (given,) = _as([images], _FORWARD)
-    made = _room(given, lut.shape, is_interleaved(given))
+    made = _room(table, "warp", given, lut.shape, is_interleaved(given))
     if made.numel():
         array, layout = _array(given)
         lut.warp(array, out=_array(made)[0], **_options(interpolation, layout, border))
@@ -106,7 +102,7 @@ def warp_adjoint(grad: Tensor, table: str, interpolation: str) -> Tensor:
     """(N, C, rows, columns) of the road to the (N, C, H, W) pixels that it was taken from."""
     lut = _lut(table)
     (given,) = _as([grad], _BACKWARD)
-    made = _room(given, lut.source_size[::-1], is_interleaved(given))
+    made = _room(table, "adjoint", given, lut.source_size[::-1], is_interleaved(given))
     if made.numel():
         array, layout = _array(given)
         lut.warp_adjoint(array, out=_array(made)[0], **_options(interpolation, layout))
@@ -175,7 +171,7 @@ def rig_warp(images: Sequence[Tensor], table: str, interpolation: str, border: S
     lut = _rig_lut(table)
     given = [image.detach().to(_FORWARD.get(image.dtype, image.dtype)) for image in images]
     interleaved = _are_interleaved(given)
-    made = _room(given[0], lut.shape, interleaved)
+    made = _room(table, "warp", given[0], lut.shape, interleaved)
     order, layout = ((1, 2, 0), "HWC") if interleaved else ((0, 1, 2), "CHW")
     options = _options(interpolation, layout, border)
     for index in range(len(made) if made.numel() else 0):  # of (N, cameras, ...) those of a camera are not side by side

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ipm_rs import HeightMap, Lut, Plane
 from ipm_rs.errors import ArgumentError, ArgumentTypeError
 from ipm_rs.rig import Bowl, RigLut
+from ipm_rs.torch._memory import ResultMemory
 
 __all__ = ["Table", "luts_of", "table_named", "table_of"]
 
@@ -21,6 +22,7 @@ class Table:
 
     def __init__(self, lut: Lut | RigLut, key: str) -> None:
         self.lut, self.key = lut, key
+        self.memory = ResultMemory()
         self.shape: tuple[int, int] = lut.shape
         sizes = [camera.image_size for camera in lut.rig.values()] if isinstance(lut, RigLut) else [lut.source_size]
         #: (rows, columns) of the images of each camera
