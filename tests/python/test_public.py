@@ -331,3 +331,17 @@ def test_any_module_may_be_imported_first(first):
 
 def test_the_package_is_typed():
     assert (FOLDER / "py.typed").is_file() and (FOLDER / "_core.pyi").is_file()
+
+
+def test_attached_methods_are_made_where_static_methods_count_arguments() -> None:
+    """As in Python 3.15, in which `import ipm_rs` failed for it."""
+
+    class Strict(staticmethod):
+        def __new__(cls, function):
+            return super().__new__(cls, function)
+
+    source = (FOLDER / "calibration" / "_attached.py").read_text(encoding="utf-8")
+    names = {"staticmethod": Strict, "__name__": "attached"}
+    exec(compile(source, "_attached.py", "exec"), names)
+    method = names["Attached"]("root", "math", "sqrt", "Camera").__get__(None)
+    assert method(9.0) == 3.0 and method.__qualname__ == "Camera.root"

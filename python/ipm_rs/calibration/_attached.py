@@ -34,6 +34,10 @@ class Attached(_Static):
         The class.
     """
 
+    def __new__(cls, *_: str, **__: str) -> Attached:
+        # since Python 3.15 `staticmethod.__new__` counts its arguments, which are those of `__init__`
+        return super().__new__(cls, _unread)  # type: ignore[call-arg]  # typeshed knows of no `__new__`
+
     def __init__(self, name: str, module: str, function: str, owner: str = "Camera") -> None:
         super().__init__(_unread)
         self._name = name
