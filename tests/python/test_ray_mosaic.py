@@ -12,6 +12,7 @@ from PIL import Image
 from test_mosaic import HEIGHT, WIDTH, assert_same, camera, standing_at
 
 import ipm_rs
+from ipm_rs.cli import main
 
 pytest.importorskip("pyarrow")
 
@@ -83,3 +84,55 @@ def test_mistakes_come_back_as_they_are(here, drive, tmp_path):
         ipm_rs.ray.mosaic(drive, 0.05)
     with pytest.raises(ipm_rs.ArgumentError, match="stretch"):
         ipm_rs.ray.mosaic(drive, mosaic, stretch=0)
+
+
+def test_frames_that_cannot_be_read_are_left_out_and_told_of(here, drive, tmp_path):
+    torn = tmp_path / "torn.png"
+    torn.write_bytes(drive[0][1].read_bytes()[:200])
+    frames = [*drive[:3], (camera(), torn, standing_at(3.0)), *drive[3:]]
+    told = []
+    mosaic = ipm_rs.Mosaic(0.1, tile=64)
+    added = ipm_rs.ray.mosaic(
+        frames, mosaic, distance=(1, 9), stretch=2, strict=False, report=lambda *words: told.append(words)
+    )
+    assert added == len(drive)
+    assert_same(alone(drive), mosaic)
+    assert sum(done for done, _ in told) == len(drive)
+    (error,) = [error for _, failed in told for error in failed]
+    assert isinstance(error, ipm_rs.FileError)
+    assert "torn.png" in str(error)
+    with pytest.raises(ipm_rs.FileError, match="torn"):
+        ipm_rs.ray.mosaic(frames, ipm_rs.Mosaic(0.1, tile=64), distance=(1, 9))
+    with pytest.raises(ipm_rs.ArgumentTypeError, match="strict"):
+        ipm_rs.ray.mosaic(frames, mosaic, strict="no")
+
+
+def test_the_command_leaves_out_damaged_frames_here_and_on_a_cluster(here, drive, tmp_path, capsys):
+    (tmp_path / "frames").mkdir()
+    for number, (_, path, _) in enumerate(drive[:5]):
+        data = path.read_bytes()
+        (tmp_path / "frames" / f"{number:06d}.png").write_bytes(data[:200] if number == 3 else data)
+    camera().save(tmp_path / "camera.json")
+    poses = ["1 0 0 {} 0 1 0 {} 0 0 1 0".format(*pose[:2, 3]) for _, _, pose in drive[:5]]
+    (tmp_path / "poses.txt").write_text("\n".join(poses))
+
+    def run(name, *more):
+        given = [
+            tmp_path / "camera.json",
+            tmp_path / "frames",
+            "--poses",
+            tmp_path / "poses.txt",
+            "-o",
+            tmp_path / name,
+        ]
+        words = ["--poses-of", "vehicle", "--resolution", "0.1", "--tile", "64", "--distance", "1", "9", *more]
+        code = main(["mosaic", *map(str, given), *words])
+        assert "000003.png" in capsys.readouterr().err
+        with ipm_rs.Mosaic.load(tmp_path / name) as mosaic:
+            return code, mosaic.frames, mosaic.layers(names=("weighted", "count")) if mosaic.frames else None
+
+    (code, frames, layers), (other_code, other_frames, other) = run("one"), run("other", "--ray", "auto")
+    assert (code, frames) == (other_code, other_frames) == (2, 4)
+    assert all((layers[name] == other[name]).all() for name in layers)
+    assert run("strict", "--strict")[:2] == (2, 3)
+    assert run("strict on a cluster", "--strict", "--ray", "auto")[:2] == (2, 0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -136,6 +136,7 @@ The map's axes are those of the poses. Each cell is made of the frames that reso
         const="",
         help="add the frames on a Ray cluster: this one, or that of RAY_ADDRESS, or one of this machine's CPUs",
     )
+    running.add_argument("--strict", action="store_true", help="stop at the first frame that cannot be read")
     running.add_argument("--force", action="store_true", help="replace an existing picture or GeoTIFF")
     running.add_argument("--quiet", action="store_true", help="print nothing but errors")
     mosaic.set_defaults(run=run)
@@ -213,6 +214,12 @@ class Done:
         self.track: list[Any] = []
         self.seconds = {"read": 0.0, "add": 0.0, "write": 0.0}
 
+    def fails(self, error: Exception, say: Callable[..., object]) -> None:
+        """Note that a frame could not be read; the first few are told of."""
+        self.failed += 1
+        if self.failed <= _TOLD:
+            say(error_line(error), sys.stderr)
+
     def goes_to(self, pose: Any) -> None:
         """Note where the vehicle was next, where that is known."""
         self.track.append([np.nan, np.nan] if pose is None else pose[:2, 3])
@@ -243,9 +250,9 @@ def _add_all(
         for ticket, frame, took in _decoded(stream, mosaic):
             next(steps, None)
             if isinstance(frame, Exception):
-                done.failed += 1
-                if done.failed <= _TOLD:
-                    say(error_line(frame), sys.stderr)
+                if args.strict:
+                    raise frame
+                done.fails(frame, say)
                 continue
             before = poses.before
             if frame is None:

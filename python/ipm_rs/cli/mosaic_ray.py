@@ -14,7 +14,8 @@ import numpy as np
 import ipm_rs
 from ipm_rs import streams
 from ipm_rs.cli.drive import Poses
-from ipm_rs.errors import ArgumentError
+from ipm_rs.cli.printing import emit
+from ipm_rs.errors import ArgumentError, IpmError
 
 if TYPE_CHECKING:
     from ipm_rs.cli.mosaic import Done
@@ -48,6 +49,10 @@ def add_all(
     """Add all frames that the map does not hold."""
     begin = perf_counter()
 
+    def report(_: int, failed: list[IpmError]) -> None:
+        for error in failed:
+            done.fails(error, emit)
+
     def frames() -> Iterator[tuple[Any, ...]]:
         for ticket in stream.tickets():
             pose = poses.at(ticket, None)
@@ -59,7 +64,15 @@ def add_all(
                 done.metres += float(np.hypot(*(done.track[-1] - done.track[-2])))
             yield cameras, functools.partial(_image_of, ticket), pose, ticket.name
 
-    done.added = ipm_rs.ray.mosaic(frames(), mosaic, ground=ground, distance=args.distance, address=args.ray or None)
+    done.added = ipm_rs.ray.mosaic(
+        frames(),
+        mosaic,
+        ground=ground,
+        distance=args.distance,
+        strict=args.strict,
+        address=args.ray or None,
+        report=report,
+    )
     done.seconds["add"] += perf_counter() - begin
 
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, Literal
 
 from numpy.typing import ArrayLike
 
+from ipm_rs._arguments import flag_of
 from ipm_rs._core import Camera, HeightMap, Plane
-from ipm_rs.errors import ArgumentTypeError
+from ipm_rs.errors import ArgumentTypeError, FileError, ImageError, IpmError
 from ipm_rs.mosaic import Mosaic
 from ipm_rs.mosaic._checks import each_of
 from ipm_rs.ray._batches import image_of
@@ -32,7 +33,9 @@ def mosaic(
     ground: float | Plane | HeightMap | Literal["wheels"] = 0.0,
     distance: Sequence[float] | None = None,
     stretch: int = 50,
+    strict: bool = True,
     address: str | None = None,
+    report: Callable[[int, list[IpmError]], None] | None = None,
 ) -> int:
     """Add the frames of a drive to a map on a cluster: to the same last bit as one process, in any order of frames.
 
@@ -52,8 +55,12 @@ def mosaic(
         As for `Mosaic.add`.
     stretch : int
         Frames for each task. A stretch sends its tiles: 10 MB for each 25 m square at 5 cm.
+    strict : bool
+        Stop at the first frame whose image cannot be read; otherwise it is left out and `report` is told of it.
     address : str, optional
         Of the cluster; by default that of this process or of ``RAY_ADDRESS``, or one of this machine's CPUs.
+    report : callable, optional
+        Called when a stretch is merged with the number of its frames and the errors of those that could not be read.
 
     Returns
     -------
@@ -69,32 +76,35 @@ def mosaic(
     """
     if not isinstance(into, Mosaic):
         raise ArgumentTypeError(f"into: expected an ipm_rs.Mosaic, got {type(into).__name__}; make one")
-    size = whole("stretch", stretch, 1, 100_000)
+    size, strict = whole("stretch", stretch, 1, 100_000), flag_of("strict", strict)
     kept = ("resolution", "tile", "channels", "dtype", "samples", "labels")
     settings = {name: getattr(into, name) for name in kept}
     options = {"ground": ground, "distance": distance}
     before = into.frames
     with connected(address) as ray:
         add = ray.remote(_added)
-        shared = ray.put((settings, options))
+        shared = ray.put((settings, options, strict))
         most = max(2, int(_AT_ONCE * float(ray.cluster_resources().get("CPU", 1))))
         pending: list[Any] = []
         for part in _stretches(frames, into, size):
             pending.append(add.remote(part, shared))
             while len(pending) >= most:
-                pending = _merged(ray, pending, into)
+                pending = _merged(ray, pending, into, report)
         while pending:
-            pending = _merged(ray, pending, into)
+            pending = _merged(ray, pending, into, report)
     return into.frames - before
 
 
-def _merged(ray: Any, pending: list[Any], into: Mosaic) -> list[Any]:
+def _merged(ray: Any, pending: list[Any], into: Mosaic, report: Any) -> list[Any]:
     """Merge the first that is ready, and return the others."""
     ready, others = ray.wait(pending, num_returns=1)
     found = ray.get(ready[0])
     if isinstance(found, Exception):
         raise found
-    into.merge(found)
+    made, failed = found
+    into.merge(made)
+    if report is not None:
+        report(made.frames, failed)
     return list(others)
 
 
@@ -123,15 +133,25 @@ def _stretches(frames: Iterable[Frame], into: Mosaic, size: int) -> Iterator[lis
 
 
 def _added(part: list[Named], shared: Any) -> Any:
-    """Return the map of a stretch, or what was wrong with it: of an exception Ray would hand on a traceback."""
-    settings, options = shared
-    made = Mosaic(**settings)
+    """Return the map of a stretch and the errors of frames that are left out, or what was wrong with it.
+
+    Of an exception that is raised Ray would hand on a traceback.
+    """
+    settings, options, strict = shared
+    made, failed = Mosaic(**settings), list[IpmError]()
     try:
         for name, (camera, image, pose) in part:
-            made.add(camera, _read(image), map_from_vehicle=pose, name=name, threads=1, **options)
+            try:
+                picture = _read(image)
+            except (FileError, ImageError) as error:
+                if strict:
+                    raise
+                failed.append(error)
+                continue
+            made.add(camera, picture, map_from_vehicle=pose, name=name, threads=1, **options)
     except Exception as error:
         return error
-    return made
+    return made, failed
 
 
 def _read(image: Any) -> Any:
