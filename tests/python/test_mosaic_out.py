@@ -5,13 +5,14 @@ from __future__ import annotations
 import json
 import pickle
 import re
+import shutil
 import sys
 import types
 
 import numpy as np
 import pytest
 from PIL import Image
-from test_mosaic import POSES, assert_same, camera, mosaic_of, seen_from, standing_at
+from test_mosaic import HEIGHT, POSES, WIDTH, assert_same, camera, mosaic_of, seen_from, standing_at
 
 import ipm_rs
 from ipm_rs.cli import main
@@ -67,6 +68,7 @@ def test_a_geotiff_has_north_up(tmp_path, frames):
             at = file.index(*(xy[row, column] + origin))
             assert values[at] == layers["weighted"][row, column] and alpha[at] == 255
         assert (alpha > 0).sum() == layers["mask"].sum()
+        assert file.tags(ns="IMAGE_STRUCTURE")["LAYOUT"] == "COG"
     assert sorted(path.name for path in tmp_path.iterdir()) == ["map.tif"]
     with pytest.raises(ipm_rs.ArgumentError, match="crs"):
         mosaic.export_geotiff(tmp_path / "other.tif", crs="nowhere")
@@ -75,6 +77,21 @@ def test_a_geotiff_has_north_up(tmp_path, frames):
     with pytest.raises(ipm_rs.ArgumentError, match="origin"):
         mosaic.export_geotiff(tmp_path / "other.tif", crs="EPSG:32632", origin=(1, np.nan))
     assert sorted(path.name for path in tmp_path.iterdir()) == ["map.tif"]
+
+
+@pytest.mark.filterwarnings("ignore::PendingDeprecationWarning")  # of affine, by rasterio
+def test_overviews_of_labels_have_no_labels_that_are_none(tmp_path):
+    rasterio = pytest.importorskip("rasterio")
+    mosaic = ipm_rs.Mosaic(0.02, labels=True)
+    picture = np.where(np.indices((HEIGHT, WIDTH)).sum(0) // 7 % 2, 10, 200).astype(np.uint8)
+    mosaic.add(camera(), picture, map_from_vehicle=np.eye(4), distance=(0, 15))
+    mosaic.export_geotiff(tmp_path / "map.tif", crs="EPSG:32632")
+    with rasterio.open(tmp_path / "map.tif") as file:
+        factors = file.overviews(1)
+        assert factors
+    with rasterio.open(tmp_path / "map.tif", overview_level=0) as file:
+        values, alpha = file.read()
+        assert set(np.unique(values[alpha == 255])) == {10, 200}
 
 
 @pytest.fixture
@@ -173,11 +190,12 @@ def test_the_command_on_a_cluster(drive, monkeypatch, capsys):
     (drive / "map").rename(drive / "here")
     assert run(drive, "--quiet", "--every", "2") == 0
 
-    def mosaic(frames, into, *, ground, distance, address):
+    def mosaic(frames, into, *, ground, distance, strict, address, report):
         frames = pickle.loads(pickle.dumps(list(frames)))
-        assert address == "auto" and [name for *_, name in frames] == ["000001", "000003", "000005"]
+        assert address == "auto" and not strict and [name for *_, name in frames] == ["000001", "000003", "000005"]
         for lens, read, pose, name in frames:
             into.add(lens, read(), map_from_vehicle=pose, ground=ground, distance=distance, name=name)
+        report(len(frames), [])
         return len(frames)
 
     monkeypatch.setitem(sys.modules, "ipm_rs.ray", types.SimpleNamespace(mosaic=mosaic))
@@ -210,8 +228,11 @@ def test_mistakes_are_told_in_a_line(drive, capsys, frames):
         return err
 
     np.savetxt(drive / "poses.txt", [pose[:3].ravel() for _, pose in frames])  # the vehicle's, where a camera's belong
-    assert "m along y; give" in told("--poses-of", "vehicle")
-    write_poses(drive, [pose for _, pose in frames])
+    assert "--poses-of vehicle" in told()
+    assert run(drive, "--poses-of", "vehicle", "--quiet") == 0
+    shutil.rmtree(drive / "map")
+    write_poses(drive, [pose for _, pose in frames])  # a camera's, where the vehicle's belong
+    assert "--poses-of camera" in told("--poses-of", "vehicle")
     assert not (drive / "map" / "tiles").exists() or not list((drive / "map" / "tiles").iterdir()), "nothing was added"
     assert "--geotiff with it" in told("--crs", "EPSG:32632")
     assert "--crs with it" in told("--geotiff", str(drive / "map.tif"))

@@ -23,6 +23,11 @@ __all__ = ["Poses", "cameras_of", "stream_of"]
 
 Cameras = ipm_rs.Camera | ipm_rs.Rig
 
+_MEND = (
+    "they were taken for the camera's own (x right, y down, z ahead); give --poses-of vehicle where they are the "
+    "vehicle's"
+)
+
 
 def cameras_of(args: argparse.Namespace) -> tuple[Cameras, dict[str, Path]]:
     """Return the camera, or those of the rig that streams are given for, and these streams by name ("" of the one)."""
@@ -76,8 +81,13 @@ class Poses:
             return
         camera = cameras if isinstance(cameras, ipm_rs.Camera) else next(iter(cameras.values()))
         mount = camera.vehicle_from_camera
+        kitti = _in_kittis_form(Path(args.poses))
+        sensor = None
+        if args.poses_of == "camera" or (kitti and args.poses_of is None):
+            sensor = mount
+        elif kitti:
+            sensor = np.eye(4)  # the numbers as they are: x ahead and z up, not a camera's axes
         try:
-            sensor = mount if args.poses_of == "camera" else None
             self.trajectory = ipm_rs.Trajectory.load(args.poses, vehicle_from_sensor=sensor)
         except ArgumentError as error:
             if "timestamps" not in str(error):
@@ -86,14 +96,13 @@ class Poses:
             with Path(args.poses).open("rb") as file:
                 lines = sum(bool(line.strip()) for line in file)
             numbers = np.arange(float(lines))
-            sensor = None if args.poses_of == "vehicle" else mount
             self.trajectory = ipm_rs.Trajectory.load(args.poses, timestamps=numbers, vehicle_from_sensor=sensor)
             self.numbered = True
         # all of them before anything is added: what a map holds it keeps
         drive = Drive()
         for pose in self.trajectory.poses:
             drive.goes_to(pose)
-        oddity = drive.oddity()
+        oddity = drive.oddity(_MEND) if sensor is mount else drive.oddity()
         if oddity is not None:
             raise CalibrationError(f"{args.poses}: {oddity}")
 
@@ -135,3 +144,12 @@ class Poses:
             raise ArgumentError(f"--poses: expected a pose for each frame, got {len(trajectory)} for more frames")
         pose: NDArray[np.float64] = trajectory.poses[ticket.index]
         return pose
+
+
+def _in_kittis_form(path: Path) -> bool:
+    """Say whether a file has 12 numbers in its first line, and so no times."""
+    try:
+        with path.open("rb") as file:
+            return len(next((line for line in file if line.strip()), b"").split()) == 12
+    except OSError:
+        return False  # a directory, or nothing: what reads it says so

@@ -1,4 +1,4 @@
-"""A mosaic as a GeoTIFF: north up, in a coordinate system that other programs know (extra ``geo``, rasterio)."""
+"""A mosaic as a cloud-optimised GeoTIFF, north up, in a coordinate system that others know (extra ``geo``)."""
 
 from __future__ import annotations
 
@@ -27,14 +27,16 @@ def write_geotiff(
     dtype: np.dtype[Any],
     crs: Any,
     origin: tuple[float, float],
+    labels: bool,
 ) -> None:
     """Write tile after tile, so that memory stays bounded, and overviews; the file appears when it is whole.
 
-    The map's x is taken as east and its y as north, both from `origin`.
+    The map's x is taken as east and its y as north, both from `origin`. Overviews never mix `labels`.
     """
     try:
         import rasterio
-        from rasterio.enums import ColorInterp, Resampling
+        import rasterio.shutil
+        from rasterio.enums import ColorInterp
         from rasterio.errors import CRSError, RasterioError
         from rasterio.windows import Window
     except ImportError as error:
@@ -48,7 +50,8 @@ def write_geotiff(
         system = rasterio.crs.CRS.from_user_input(crs)
     except (CRSError, ValueError, TypeError) as error:
         raise ArgumentError('crs: expected a coordinate system such as "EPSG:32632", got none that is known') from error
-    temporary = path.with_name(f".{path.name}.part.tif")
+    # GDAL lays out a cloud-optimised file, overviews first, from a whole one
+    temporary, laid_out = (path.with_name(f".{path.name}.{part}.tif") for part in ("part", "cog"))
     profile: dict[str, Any] = {
         "driver": "GTiff",
         "width": width,
@@ -81,12 +84,19 @@ def write_geotiff(
                         alpha = np.where(mask, np.iinfo(dtype).max, 0).astype(dtype)
                         window = Window(left - first_x, end_y - high, right - left, high - low)
                         file.write(np.concatenate([bands, alpha[None]]), window=window)
-                factors = [2**k for k in range(1, 12) if max(width, height) >> k >= 256]
-                if factors:
-                    file.build_overviews(factors, Resampling.average)
-            temporary.replace(path)
+            rasterio.shutil.copy(
+                temporary,
+                laid_out,
+                driver="COG",
+                blocksize=256,
+                compress="deflate",
+                overview_resampling="nearest" if labels else "average",
+                bigtiff="if_safer",
+            )
+            laid_out.replace(path)
         finally:
             temporary.unlink(missing_ok=True)
+            laid_out.unlink(missing_ok=True)
     except (RasterioError, OSError, UnicodeError) as error:  # GDAL takes names that UTF-8 has
         raise FileError(
             f"{path}: expected to write it, got: {error}; check the directory and the free space"

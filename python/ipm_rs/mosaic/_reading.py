@@ -246,7 +246,7 @@ class Readable(ABC):
         origin: Sequence[float] = (0.0, 0.0),
         blend: Blend | None = None,
     ) -> None:
-        """Write the map as a GeoTIFF with overviews: x to the east, y to the north, cells that nobody saw transparent.
+        """Write the map as a cloud-optimised GeoTIFF: x to the east, y to the north, cells that nobody saw transparent.
 
         Parameters
         ----------
@@ -284,6 +284,7 @@ class Readable(ABC):
             dtype=self.dtype,
             crs=crs,
             origin=(float(values[0]), float(values[1])),
+            labels=self._labels,
         )
 
     def _blend_of(self, blend: Any) -> str:

@@ -52,17 +52,17 @@ class Drive:
             self._aside += float(aside)
         self._before = pose
 
-    def oddity(self) -> str | None:
+    def oddity(self, mend: str = _MEND) -> str | None:
         """Return what no road vehicle does, and how to mend it; None of a drive as others are."""
         if self._upright < 0.5:
             tilt = np.degrees(np.arccos(max(self._upright, -1.0)))
-            return f"expected a vehicle that stands on the road, got one tilted by {tilt:.0f} degrees; {_MEND}"
+            return f"expected a vehicle that stands on the road, got one tilted by {tilt:.0f} degrees; {mend}"
         way = f"{self._level:.0f} m along"
         if self._climbed > self._level and self._climbed + self._level > _ENOUGH:
-            return f"expected a drive along the road, got one that goes {way} and {self._climbed:.0f} m up; {_MEND}"
+            return f"expected a drive along the road, got one that goes {way} and {self._climbed:.0f} m up; {mend}"
         if self._aside > self._ahead and self._aside + self._ahead > 2 * _ENOUGH:
             return (
                 f"expected a drive along the vehicle's x axis, got {self._ahead:.0f} m along x and "
-                f"{self._aside:.0f} m along y; {_MEND}"
+                f"{self._aside:.0f} m along y; {mend}"
             )
         return None
