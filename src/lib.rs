@@ -47,6 +47,7 @@ mod parallel;
 #[cfg(feature = "python")]
 mod python;
 pub mod raster;
+pub mod refine;
 pub mod rig;
 mod table;
 pub mod view;

@@ -37,6 +37,9 @@ __all__ = [
     "_mosaic_merge",
     "_mosaic_sees",
     "_mosaic_shows",
+    "_refine_differences",
+    "_refine_normal",
+    "_refine_shown",
     "__version__",
     "cpu_info",
     "decode_carla_depth",
@@ -3428,3 +3431,15 @@ def _mosaic_add(
     threads: int | None,
 ) -> int: ...
 def _mosaic_merge(tile: tuple[Any, ...], keys: NDArray[np.uint32], samples: NDArray[Any]) -> None: ...
+def _refine_shown(
+    looked: Any, rays: NDArray[np.float64], first: Sequence[float], second: Sequence[float], slopes: bool
+) -> tuple[NDArray[np.float64], NDArray[np.float64] | None]: ...
+def _refine_differences(
+    values: NDArray[np.float64],
+    there: NDArray[np.float64],
+    slopes: NDArray[np.float64] | None,
+    spread: float | None,
+) -> tuple[NDArray[np.float64], NDArray[np.float64] | None, NDArray[np.bool_]]: ...
+def _refine_normal(
+    off: NDArray[np.float64], slopes: NDArray[np.float64], spread: float
+) -> tuple[float, NDArray[np.float64], NDArray[np.float64]]: ...

@@ -148,7 +148,7 @@ impl Camera {
     }
 
     /// The pixel of a point of the camera frame.
-    fn pixel_of(&self, in_camera: &Vector3<f64>) -> Option<[f64; 2]> {
+    pub(crate) fn pixel_of(&self, in_camera: &Vector3<f64>) -> Option<[f64; 2]> {
         match &self.lens {
             None => self.model.project(in_camera),
             Some(lens) => lens.project(in_camera).and_then(|seen| self.model.pixel(seen)),

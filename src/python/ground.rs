@@ -20,7 +20,7 @@ use crate::{Ground, HeightMap, Plane};
 #[pyclass(frozen, eq, hash, module = "ipm_rs", name = "Plane")]
 #[derive(PartialEq)]
 pub(super) struct PyPlane {
-    plane: Plane,
+    pub(super) plane: Plane,
 }
 
 impl Hash for PyPlane {

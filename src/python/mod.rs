@@ -50,6 +50,7 @@ mod options;
 mod outputs;
 mod points;
 mod raster;
+mod refine;
 mod rig;
 mod shapes;
 mod shared;
@@ -95,6 +96,8 @@ mod core_module {
     use super::mosaic::{mosaic_add, mosaic_merge, mosaic_sees, mosaic_shows};
     #[pymodule_export]
     use super::raster::rasterize;
+    #[pymodule_export]
+    use super::refine::{refine_differences, refine_normal, refine_shown};
     #[pymodule_export]
     use super::rig::PyRigTable;
     #[pymodule_export]

@@ -231,6 +231,10 @@ def test_what_the_pictures_do_not_tell():
         refine.from_drive(TRUE, images, far)
     with refuses(errors.ImageError, "contrast"):
         refine.from_drive(TRUE, [np.full_like(image, 80) for image in images], poses)
+    with refuses(errors.ImageError, "images[1]", "same picture as images[0]"):
+        refine.from_drive(TRUE, [images[0]] * 4, poses)
+    with refuses(errors.CalibrationError, "order of pictures and poses"):
+        refine.from_drive(TRUE, images[:3], poses[2::-1])
     random = np.random.default_rng(0)
     with refuses(errors.CalibrationError, "agree"):
         refine.from_drive(TRUE, [random.integers(0, 255, image.shape, dtype=np.uint8) for image in images], poses)

@@ -191,6 +191,16 @@ def test_the_answer_is_the_same_on_any_number_of_threads(images):
         np.testing.assert_array_equal(other.covariance, found[0].covariance)
 
 
+def test_a_camera_of_which_nothing_is_told_stays():
+    """Of pictures of other cameras, say: what agrees by chance is elsewhere, and as uncertain as the given pose."""
+    ring = Ring(GIVEN.subset(["front", "left"]), [{}], "front", ipm_rs.Plane(normal=(0, 0, 1)), GRID, 1.5,
+                np.array([0.03, 0.03, 0.03, 0.15]))  # fmt: skip
+    vague, told = np.diag(ring.likely**2), np.diag(ring.likely**2 * [1.0, 0.1, 1.0, 1.0])
+    led = {**ring.start, "left": ring.start["left"].moved(np.array([0.0, 0.0, 0.05, 0.0]), range(4))}
+    assert ring.untold(led, vague) == "left" and ring.untold(led, told) is None
+    assert ring.untold(ring.start, vague) is None, "held to what it is likely to be, and there"
+
+
 def test_cameras_behind_one_that_stays_stay_too():
     ring = object.__new__(Ring)
     ring.fixed, ring.free, ring.start = "front", ["left", "back", "right"], {"left": "as given"}

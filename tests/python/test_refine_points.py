@@ -114,6 +114,14 @@ def test_wrong_input():
     for wrong in (np.where(pixels > 600, np.nan, pixels), pixels[:, :1], pixels.astype(str)):
         with refuses(errors.IpmError, "pixels"):
             refine.from_ground_points(wrong, GROUND, **options)
+    looking = ipm_rs.Camera.from_euler(K, image_size=SIZE, position=(0, 0, 1.4), pitch=0.06)
+    ahead = np.array([[6.0, -2], [6, 2], [12, 2], [12, -2], [20, 0]])
+    with refuses(errors.ArgumentError, "how high", "swapped"):
+        refine.from_ground_points(ahead, clicks(looking, ahead), K=K, image_size=SIZE)
+    with refuses(errors.ArgumentError, "how high"):  # on one row: seen from within the road's plane
+        refine.from_ground_points(
+            np.column_stack([np.linspace(400, 900, 5), np.full(5, 480.0)]), ahead, K=K, image_size=SIZE, tolerance=50
+        )
     with refuses(errors.ArgumentError, "tolerance"):
         refine.from_ground_points(pixels, GROUND, tolerance=0, **options)
     with refuses(errors.CalibrationError, "the lens sees"):

@@ -52,6 +52,7 @@ MAY_USE = {
     "warp": BASE | {"lut", "table", "kernels"},
     "cloud": BASE | {"geometry", "camera"},
     "raster": BASE | {"grid"},
+    "refine": BASE | {"geometry", "ground", "camera"},
     "mosaic": BASE | {"ground", "camera", "grid", "lut", "warp"},
     "rig": BASE | {"ground", "camera", "grid", "table", "kernels", "lut", "warp", "raster"},
 }

@@ -13,10 +13,9 @@ from numpy.typing import NDArray
 from ipm_rs._core import BevGrid, Camera, Lut, Plane
 from ipm_rs.errors import ArgumentError, CalibrationError, ImageError
 from ipm_rs.refine._loss import correlation, in_threads
-from ipm_rs.refine._motion import angles_of
 from ipm_rs.refine._pictures import Pyramid
 from ipm_rs.refine._projection import Eye
-from ipm_rs.refine._road import PARAMETERS, Pair, Pose, Road, Sight, pose_of_camera, square
+from ipm_rs.refine._road import PARAMETERS, Pair, Pose, Road, Sight, pose_of_camera
 from ipm_rs.refine._solve import Normal, inverse_of, minimise, patched, scatter_of
 
 __all__ = ["Alignment", "Solved"]
@@ -289,7 +288,7 @@ class Alignment:
     def without(self, pose: Pose, free: Sequence[int], untold: Mapping[str, str]) -> tuple[Pose, list[int]]:
         """Return a pose with what is not told as it was given, and what is still free."""
         back = [index for index in free if PARAMETERS[index] in untold]
-        given, found = (np.array([*angles_of(square(each.rotation)), each.position[2]]) for each in (self.start, pose))
+        given, found = (np.array([*each.angles, each.position[2]]) for each in (self.start, pose))
         return pose.moved((given - found)[back], back), [index for index in free if index not in back]
 
     @property

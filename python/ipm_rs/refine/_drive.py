@@ -9,7 +9,7 @@ analytic derivatives (a direct method, as Lucas and Kanade 1981 or Engel et al. 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from typing import Any, Literal
@@ -19,13 +19,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from ipm_rs._arguments import array_of, flag_of, number_of
 from ipm_rs._core import BevGrid, Camera, Plane
-from ipm_rs.errors import ArgumentError, ArgumentTypeError, CalibrationError
+from ipm_rs.errors import ArgumentError, ArgumentTypeError, CalibrationError, ImageError
 from ipm_rs.refine._alignment import Alignment
 from ipm_rs.refine._inputs import camera_of, guarded, numbers_of
 from ipm_rs.refine._motion import angles_of
 from ipm_rs.refine._nodding import Nodding
 from ipm_rs.refine._pictures import grey_of
-from ipm_rs.refine._road import PARAMETERS, SWAYING, pose_of_camera
+from ipm_rs.refine._road import PARAMETERS, SWAYING, Pose, pose_of_camera
 
 __all__ = ["DriveFit", "from_drive"]
 
@@ -34,6 +34,12 @@ Matrix = NDArray[np.float64]
 _FEWEST_HEIGHTS, _MOST_HEIGHTS = 0.4, 5.0
 """How far apart two pictures are at least and at most, in heights of the camera: nearer ones show too little parallax,
 farther ones too little of the same road."""
+_WORSE = 0.05
+"""So much less alike than before: the fit has gone astray. Fits that end well lose 0.01 at most."""
+_FAR_TURN, _FAR_HEIGHT = math.radians(4.0), 0.25
+"""Farther off than starts that are promised to be found, and so looked at twice."""
+_DOUBTFUL = 0.6
+"""Of the views with the pose that was found: real drives and synthetic ones reach 0.9."""
 _MOST_PAIRS = 60
 _MOST_PAIRS_NODDING = 400
 
@@ -155,9 +161,10 @@ def from_drive(
         Fewer than two pictures, another number of poses, poses that do not move or jump too far; a grid that the camera
         does not see.
     ImageError, DtypeError
-        A picture has another size than the camera's, or no contrast on the road.
+        A picture has another size than the camera's, or no contrast on the road, or all are the same.
     CalibrationError
-        A pose is not rigid, the camera is not above the road, or the pictures do not tell the pitch.
+        A pose is not rigid, the camera is not above the road, the pictures do not tell the pitch, or they agree less
+        than as given, or little and only with a pose far off: in the wrong order, say.
     """
     road_plane = _plane(ground)
     camera_of("camera", camera)
@@ -176,8 +183,11 @@ def from_drive(
     if not isinstance(area, BevGrid):
         raise ArgumentTypeError(f"grid: expected an ipm_rs.BevGrid, got {type(area).__name__}")
     greys = _greys(images, len(where), camera, {index for pair in chosen for index in pair})
+    chosen = _different(chosen, greys)
     drive = Alignment(camera, greys, where, chosen, road_plane, area, poses_of == "camera", height)
     solved, nodding = Nodding(drive).solved(drive.solved(), always=per_picture)
+    before, after = drive.agreement(drive.start), drive.agreement(solved.pose)
+    _check_near(drive, solved.pose, before, after)
     found = camera.with_pose(solved.pose.camera_from_vehicle)
     pitch, high = angles_of(found.vehicle_from_camera)[1], found.position[2]
     return DriveFit(
@@ -185,8 +195,8 @@ def from_drive(
         parameters=tuple(PARAMETERS[index] for index in solved.free),
         covariance=solved.covariance,
         kept=solved.kept,
-        before=drive.agreement(drive.start),
-        after=drive.agreement(solved.pose),
+        before=before,
+        after=after,
         pairs=tuple(chosen),
         grid=area,
         nodding=nodding,
@@ -254,6 +264,40 @@ def _chosen_pairs(poses: Matrix, height: float, every: bool) -> list[tuple[int, 
     if not every and len(pairs) > _MOST_PAIRS:
         pairs = [pairs[index] for index in np.linspace(0, len(pairs) - 1, _MOST_PAIRS).round().astype(int)]
     return pairs
+
+
+def _different(pairs: Sequence[tuple[int, int]], greys: Mapping[int, NDArray[np.float32]]) -> list[tuple[int, int]]:
+    """Return the pairs without those of a picture that was handed out again, as by a camera that hangs."""
+
+    def is_same(first: int, second: int) -> bool:
+        picture = greys[first]  # without contrast none differs: that is said later
+        return np.array_equal(picture, greys[second]) and bool(picture.min() < picture.max())
+
+    different = [pair for pair in pairs if not is_same(*pair)]
+    if not different:
+        first, second = pairs[0]
+        raise ImageError(
+            f"images[{second}]: expected what the camera sees after it has moved on, got the same picture as "
+            f"images[{first}]; check how pictures are read"
+        )
+    return different
+
+
+def _check_near(drive: Alignment, pose: Pose, before: float, after: float) -> None:
+    """Refuse a pose that makes views agree less, or that is far off without making them agree.
+
+    Pictures in the wrong order agree best, with 0.3, where the camera is 6 degrees and half its height away.
+    """
+    turn = 0.5 * (float(np.trace(pose.rotation.T @ drive.start.rotation)) - 1.0)
+    turned = math.acos(min(max(turn, -1.0), 1.0))
+    lifted = float(pose.position[2] - drive.start.position[2])
+    is_far = turned > _FAR_TURN or abs(lifted) > _FAR_HEIGHT * drive.height
+    if after < before - _WORSE or (is_far and after < _DOUBTFUL):
+        raise CalibrationError(
+            f"images: expected pictures that agree about the road with a pose near the given one, but they correlate "
+            f"with {after:.2f}, {before:.2f} before, with the camera turned by {math.degrees(turned):.1f} deg and "
+            f"lifted by {lifted:.2f} m; check the order of pictures and poses, metres, poses_of= and ground="
+        )
 
 
 def _greys(images: Iterable[Any], count: int, camera: Camera, wanted: set[int]) -> dict[int, NDArray[np.float32]]:

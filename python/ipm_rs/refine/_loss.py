@@ -10,9 +10,10 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ipm_rs._core import get_num_threads
+from ipm_rs._core import _refine_differences, _refine_normal, get_num_threads
+from ipm_rs.refine._solve import Normal
 
-__all__ = ["CUT", "correlation", "exposed", "in_threads", "median", "weights_of"]
+__all__ = ["correlation", "exposed", "in_threads", "loss_of", "most_of", "normal_of", "weights_of"]
 
 Matrix = NDArray[np.float64]
 T = TypeVar("T")
@@ -22,49 +23,33 @@ CUT = 4.685
 """Tukey's constant: what is off by more standard deviations counts for nothing, and 95 % of the information stays."""
 
 
-def exposed(values: Matrix, there: Matrix, spread: float | None, J: Matrix | None) -> tuple[Matrix, Any]:
-    """Return how brightness differs when the first picture's gain and offset fit best, and derivatives of that.
+def exposed(
+    values: Matrix, there: Matrix, spread: float | None = None, slopes: Matrix | None = None
+) -> tuple[Matrix, Any, NDArray[np.bool_]]:
+    """Return how brightness differs when the first picture's gain and offset fit best, derivatives of that, and where.
 
     They are fitted to what Tukey's weights leave, from a gain of one and the median offset on: what moves is no light.
-    The gain stays between a half and two: else a place without contrast would fit everything.
+    The gain stays between a half and two: else a place without contrast would fit everything. Places that are NaN, and
+    those with such derivatives, are left out. Without a spread that of the better half is taken.
     """
-    off = values - there
-    if not len(off):
-        return off, J
-    off = off - median(off)
-    for _ in range(2):
-        weights = weights_of(off, 1.4826 * median(np.abs(off)) if spread is None else spread)
-        total = float(weights.sum())
-        if not total > 0:
-            return off, J
-        v, t = values - _dot(weights, values) / total, there - _dot(weights, there) / total
-        weighted = weights * t
-        contrast = _dot(weighted, t)
-        gain = _dot(weighted, v) / contrast if contrast > 0 else 1.0
-        clipped = min(max(gain, 0.5), 2.0)
-        off = v - clipped * t
-    if J is not None:
-        J = J - np.einsum("n,np->p", weights, J) / total
-        if clipped == gain and contrast > 0:
-            J = J - t[:, None] * (np.einsum("n,np->p", weighted, J) / contrast)
-    return off, J
+    return _refine_differences(values, there, slopes if slopes is None else np.ascontiguousarray(slopes), spread)
 
 
-def median(values: Matrix) -> float:
-    """Return the median of a list that is not empty and has no NaN: `np.median` looks for NaN three times as long."""
-    middle = len(values) // 2
-    if len(values) % 2:
-        return float(np.partition(values, middle)[middle])
-    return float(np.partition(values, (middle - 1, middle))[middle - 1 : middle + 1].mean())
+def normal_of(off: Matrix, slopes: Matrix, spread: float) -> Normal:
+    """Return the normal equations of Tukey's loss, half a square where little is off, `most_of` at most."""
+    return Normal(*_refine_normal(off, np.ascontiguousarray(slopes), spread))
 
 
-def _dot(a: Matrix, b: Matrix) -> float:
-    """Return the sum of products.
+def loss_of(off: Matrix, spread: float) -> float:
+    """Return Tukey's loss, of each place from 0 to 1; without a spread all that differs counts in full."""
+    if not spread > 0:
+        return float(np.count_nonzero(off))
+    return _refine_normal(off, np.zeros((len(off), 0)), spread)[0] / most_of(spread)
 
-    OpenBLAS shares `a @ b` between threads, whose start costs more than such a sum: on a busy machine ten milliseconds
-    instead of ten microseconds.
-    """
-    return float(np.einsum("n,n->", a, b))
+
+def most_of(spread: float) -> float:
+    """Return the loss of what is so far off that it counts for nothing."""
+    return CUT**2 / 6.0 * spread**2
 
 
 def weights_of(off: Matrix, spread: float) -> Matrix:

@@ -10,6 +10,7 @@ fit.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
 
@@ -20,7 +21,7 @@ from ipm_rs.errors import CalibrationError
 from ipm_rs.refine._alignment import Alignment, Solved
 from ipm_rs.refine._loss import in_threads
 from ipm_rs.refine._road import OF_EACH, Pair, Pose, Road, Sight
-from ipm_rs.refine._solve import Normal, inverse_of, minimise, patches_of, scatter_of
+from ipm_rs.refine._solve import Normal, forward, inverse_of, minimise, patches_of, scatter_of
 
 __all__ = ["Nodding"]
 
@@ -149,9 +150,8 @@ class Nodding:
     def _told(self, equations: _Equations, pose: Pose) -> _Told:
         """Return how much the vehicle nods: the spread with which the pictures are the likeliest.
 
-        Of a quadratic cost and sways that are drawn with a spread the likelihood has a closed form: along each
-        direction in which the equations do not mix, ``(q^2 / (e + 1 / v) - log(1 + e v)) / 2`` with stiffness e, pull
-        q, variance v.
+        Of a quadratic cost and sways that are drawn with a spread the likelihood has a closed form:
+        ``(q^T (E + I / v)^-1 q - log det(I + v E)) / 2`` with stiffness E, pull q, variance v.
         """
         n = equations.normal.hessian.shape[0] - len(self._scale)
         scale = np.concatenate([np.ones(n), self._scale])
@@ -160,11 +160,16 @@ class Nodding:
         given = H[n:, :n] @ np.linalg.pinv(H[:n, :n], hermitian=True)  # whatever the sways, the pose follows
         stiff = H[n:, n:] - given @ H[:n, n:]
         pull = g[n:] - given @ g[:n] - stiff @ (pose.sways.reshape(-1) / self._scale)
-        e, directions = np.linalg.eigh(stiff)
-        e, q = np.maximum(e, 0.0), directions.T @ pull
-        gains = [0.5 * float((q**2 / (e + v**-2) - np.log1p(e * v**2)).sum()) for v in _SPREADS]
+        gains = [self._gain(stiff, pull, v) for v in _SPREADS]
         best = int(np.argmax(gains))
         return _Told(float(_SPREADS[best]), gains[best]) if gains[best] > 0.0 else _Told(0.0, 0.0)
+
+    @staticmethod
+    def _gain(stiff: Matrix, pull: Matrix, spread: float) -> float:
+        """Return how much the logarithm of the likelihood gains where sways are drawn with a spread."""
+        factor = np.linalg.cholesky(spread**2 * stiff + np.eye(len(pull)))
+        moved = forward(factor, spread * pull)
+        return float(0.5 * np.einsum("n,n->", moved, moved) - np.log(np.diag(factor)).sum())
 
     # ------------------------------------------------------------------------------------------------------------------
     # Walks
@@ -183,8 +188,8 @@ class Nodding:
         if inverse is None:
             return pose, np.full((n, n), np.inf), told
         # the sways themselves are drawn too: of few pictures their mean is not that of the mounting
-        covariance = inverse @ (_ALIKE * equations.middle + equations.noise * np.diag(held)) @ inverse
-        return pose, covariance[:n, :n] + drive.least(free), told
+        middle = _ALIKE * equations.middle + equations.noise * np.diag(held)
+        return pose, inverse[:n] @ middle @ inverse[:, :n] + drive.least(free), told
 
     def _walked(
         self, pose: Pose, free: Sequence[int], level: int, usual: float = _USUAL, noise: float | None = None
@@ -214,7 +219,7 @@ class Nodding:
         return np.concatenate([np.zeros(free), noise / (usual * self._scale) ** 2])
 
     def _with_sways(self, pose: Pose) -> Pose:
-        return pose._replace(sways=np.zeros((self.drive.count, 2)))
+        return replace(pose, sways=np.zeros((self.drive.count, 2)))
 
     def _unlocked(self, pose: Pose, free: Sequence[int]) -> Pose:
         """Return the pose on coarse pictures with which no pair is caught beside where it would fit better.
@@ -233,7 +238,7 @@ class Nodding:
                 # all later pictures go along with the second: between them nothing changes
                 sways[[pair.first] if self.drive.of_camera else slice(pair.second, None), 0] += step
             sways[:, 0] -= sways[:, 0].mean()
-            pose = self._walked(pose._replace(sways=sways), free, level)
+            pose = self._walked(replace(pose, sways=sways), free, level)
         return pose
 
     def _steps(self, pose: Pose, level: int) -> list[float]:
@@ -252,5 +257,5 @@ class Nodding:
         for nod in _TRIED:
             sways = pose.sways.copy()
             sways[pair.first if drive.of_camera else pair.second, 0] += nod
-            losses.append(road.loss(pose._replace(sways=sways), sights, level, spread))
+            losses.append(road.loss(replace(pose, sways=sways), sights, level, spread))
         return float(_TRIED[int(np.argmin(losses))])

@@ -186,8 +186,14 @@ def _fitted(rig: Rig, ring: Ring) -> RigFit:
         astray = ring.astray(before, after, _WORSE)
         unlike = ring.unlike(after) if len(ring.free) > 1 else None
         if astray is None and unlike is None:
-            break
-        if astray is not None:
+            covariance = covariance_of(ring, state)
+            untold = ring.untold(state, covariance)
+            if untold is None:
+                break
+            name = untold
+            pair = max((each for each in after if name in each), key=lambda each: after[each], default=(name, name))
+            held[name] = "what it shows of the same road as the others tells nothing of its pose"
+        elif astray is not None:
             name, pair = astray
             beside = pair[0] if pair[1] == name else pair[1]
             held[name] = f"its view and that of {beside} would agree less than as given"
@@ -203,7 +209,6 @@ def _fitted(rig: Rig, ring: Ring) -> RigFit:
                 f"correlate with {after.get(pair, 0.0):.2f}, {before.get(pair, math.nan):.2f} before; hide the own car "
                 "with camera.masked(), pass a grid= of road that is flat, more instants, or a smaller prior="
             )
-    covariance = covariance_of(ring, state)
     ring.pairs = every  # those of cameras that stay are told of too
     after = ring.agreement(state)
     moved = {name: rig[name].with_pose(state[name].camera_from_vehicle) for name in ring.free}

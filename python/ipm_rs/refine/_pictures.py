@@ -74,31 +74,22 @@ class Pyramid:
         """Return a level."""
         return self._levels[level - self.first]
 
-    def sample(self, level: int, pixels: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the brightness of a level at pixels (N, 2) of the whole picture; NaN outside."""
-        values, inside = self._sampled(level, pixels, np.zeros((1, 2)))
-        return np.where(inside, values[0], np.nan)
-
     def sample_with_slopes(
         self, level: int, pixels: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return the brightness at pixels, and its slopes (N, 2) along x and y, a pixel of the level wide."""
-        values, inside = self._sampled(level, pixels, _BESIDE)
-        slopes = np.stack([values[1] - values[2], values[3] - values[4]], -1) * 0.5**level
-        return np.where(inside, values[0], np.nan), np.where(inside[:, None], slopes, np.nan)
+        """Return the brightness of a level at pixels (N, 2) of the whole picture, NaN outside, and its slopes (N, 2).
 
-    def _sampled(
-        self, level: int, pixels: NDArray[np.float64], beside: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-        """Return (K, N) brightness of a level beside pixels, and which of these lie in the picture with all of them."""
+        They are along x and y, a pixel of the level wide.
+        """
+        if not len(pixels):
+            return np.zeros(0), np.zeros((0, 2))
         picture, scale = self.picture(level), 0.5**level
         x, y = (pixels[:, k] * scale + (0.5 * scale - 0.5) for k in (0, 1))
-        if not len(pixels):
-            return np.zeros((len(beside), 0)), np.zeros(0, bool)
-        ends = np.array(picture.shape[::-1]) - 1 - np.abs(beside).max(0)
-        inside = (x >= -beside.min(0)[0]) & (y >= -beside.min(0)[1]) & (x <= ends[0]) & (y <= ends[1])
-        maps = x + beside[:, :1], y + beside[:, 1:]
-        return remap(picture, *maps, border_mode="replicate", threads=1).astype(np.float64), inside
+        inside = (x >= 0.5) & (y >= 0.5) & (x <= picture.shape[1] - 1.5) & (y <= picture.shape[0] - 1.5)
+        maps = x + _BESIDE[:, :1], y + _BESIDE[:, 1:]
+        values = remap(picture, *maps, border_mode="replicate", threads=1).astype(np.float64)
+        slopes = np.stack([values[1] - values[2], values[3] - values[4]], -1) * scale
+        return np.where(inside, values[0], np.nan), np.where(inside[:, None], slopes, np.nan)
 
 
 def _halved(picture: Picture) -> Picture:

@@ -31,6 +31,7 @@ Matrix = NDArray[np.float64]
 Ground = float | Plane | HeightMap
 
 _LEAST_SPREAD = 1e-3  # of the smaller side of a set of points to the larger: below it is a line
+_LOOSEST = 0.5  # of the camera's height, its standard deviation: above it the points tell no pose
 _ENOUGH_FREEDOM = 6
 """Numbers beyond those that the pose needs, from which the pixels' error is estimated. Of fewer, chance makes too much:
 three points more than needed tell it within 30 %."""
@@ -361,6 +362,15 @@ def _found(
         ground=ground,
         alternatives=tuple(other.camera for other in others),
     )
+    if above:  # a camera in the plane of the road, or kilometres away, sees all points on a line, or at one place
+        height = float(best.camera.position[2] - points[:, 2].mean())
+        off = math.sqrt(covariance[2, 2])
+        if not off < _LOOSEST * height:
+            raise ArgumentError(
+                f"{name}: expected points that tell how high the camera is, but they leave it at {height:.3g} +- "
+                f"{off:.2g} m; add points nearer and farther and beside each other, and check that pixels and points "
+                "are not swapped"
+            )
     if K is None and not fit.deviations["focal_length"] < 0.3 * best.camera.intrinsics[0, 0]:
         share = 100 * fit.deviations["focal_length"] / best.camera.intrinsics[0, 0]
         raise ArgumentError(

@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ipm_rs._core import BevGrid, Camera, Lut, Plane
-from ipm_rs.refine._loss import CUT, correlation, exposed, in_threads, weights_of
-from ipm_rs.refine._motion import angles_of, axes_of_angles
-from ipm_rs.refine._road import Pose, pose_of_camera, square
+from ipm_rs.refine._loss import correlation, exposed, in_threads, normal_of
+from ipm_rs.refine._motion import axes_of_angles
+from ipm_rs.refine._road import Pose, pose_of_camera
 from ipm_rs.refine._solve import Normal, minimise
 
 __all__ = ["Ring", "State"]
@@ -186,6 +186,20 @@ class Ring:
         usual = float(np.median(list(after.values()))) if len(after) > 2 else -1.0
         return name if name is not None and best[name] < _UNLIKE * usual else None
 
+    def untold(self, state: State, covariance: Matrix) -> str | None:
+        """Return a free camera that has been led away, of which all is as uncertain as before; None if none is."""
+        off = np.sqrt(np.diag(covariance)).reshape(-1, 4) / self.likely
+        led = [float(np.abs(self._away(state, name) / self.likely).max()) for name in self.free]
+        return next(
+            (n for n, each, far in zip(self.free, off, led, strict=True) if each.min() > 0.9 and far > 0.5), None
+        )
+
+    def _away(self, state: State, name: str) -> Matrix:
+        """Return roll, pitch, yaw and height beside those that were given."""
+        turned = np.array(state[name].angles) - self.start[name].angles
+        turned = (turned + math.pi) % (2.0 * math.pi) - math.pi
+        return np.array([*turned, state[name].position[2] - self.start[name].position[2]])
+
     def solved(self, state: State, levels: Sequence[int]) -> State:
         """Return the poses near others with which the views agree, from coarse cells to fine ones."""
         for level in levels:
@@ -246,8 +260,7 @@ class Ring:
     def _flows(self, points: Matrix, pose: Pose) -> Matrix:
         """(N, 2, 4): how what a camera shows at points of the road moves with its roll, pitch, yaw and height."""
         away, normal = points - pose.position, self.ground.normal
-        _, pitch, yaw = angles_of(square(pose.rotation))
-        axes = axes_of_angles(pitch, yaw)
+        axes = axes_of_angles(*pose.angles[1:])
         # What a pixel shows goes with its ray: where that meets the road after a turn, or a lift, of the camera.
         leads = [np.cross(axes[:, k], away) for k in range(3)]
         leads.append(np.broadcast_to([0.0, 0.0, 1.0], away.shape))
@@ -295,7 +308,7 @@ class Ring:
                     (-_along(flows[0], steep), _along(flows[1], steep)) for steep in (ratio * steeps[0], steeps[1])
                 ]
                 J = np.concatenate([*by_either[0], *by_either[1]], axis=1)
-            off, J = exposed(values, there, spread, J)
+            off, J, both[both] = exposed(values, there, spread, J)
             J = np.zeros((len(off), 2, 0)) if J is None else J.reshape(len(off), 2, -1)
             found.append((off, J, float(cells.sum()) / len(off), both))
         return found
@@ -333,16 +346,12 @@ class Ring:
             kept = [k for k, column in enumerate(columns) if column >= 0]
             where = [columns[k] for k in kept]
             for off, J, whole, _ in self.differences(views, pair, chosen[pair], spread):
-                J = J.mean(1)[:, kept] / spread
-                share = np.minimum((off / (CUT * spread)) ** 2, 1.0)
-                weighted = weights_of(off, spread)[:, None] * J
-                cost += whole * float((CUT**2 / 6.0 * (1.0 - (1.0 - share) ** 3)).sum())
-                gradient[where] += whole * np.einsum("np,n->p", weighted, off / spread)
-                hessian[np.ix_(where, where)] += whole * np.einsum("np,nq->pq", weighted, J)
+                seen, weight = normal_of(off, J.mean(1)[:, kept], spread), whole / spread**2
+                cost += weight * seen.cost
+                gradient[where] += weight * seen.gradient
+                hessian[np.ix_(where, where)] += weight * seen.hessian
         for index, name in enumerate(self.free):
-            turned = np.array(angles_of(square(state[name].rotation))) - angles_of(square(self.start[name].rotation))
-            turned = (turned + math.pi) % (2.0 * math.pi) - math.pi
-            away = np.array([*turned, state[name].position[2] - self.start[name].position[2]])
+            away = self._away(state, name)
             if (np.abs(away) > _FARTHEST * self.likely).any():
                 return Normal(math.inf, np.zeros(size), np.eye(size))
             strength = self.likely**-2

@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 
 from ipm_rs._core import BevGrid, Lut
 from ipm_rs.refine._loss import correlation, in_threads
-from ipm_rs.refine._motion import angles_of
 from ipm_rs.refine._ring import Ring, State
 from ipm_rs.refine._ringcovariance import covariance_of
-from ipm_rs.refine._road import Pose, square
+from ipm_rs.refine._road import Pose
 
 __all__ = ["searched"]
 
@@ -236,7 +235,7 @@ class _Small:
     def direction(self, cells: NDArray[np.bool_], pose: Pose) -> float:
         """Return how far to the left of where a camera looks the middle of some cells of the whole grid is, radians."""
         x, y = self.ring.grids[_CLOSE_LEVEL].xy()[cells].mean(0) - pose.position[:2]
-        return math.remainder(math.atan2(y, x) - angles_of(square(pose.rotation))[2], 2.0 * math.pi)
+        return math.remainder(math.atan2(y, x) - pose.angles[2], 2.0 * math.pi)
 
 
 def _halved(picture: Picture, times: int, rows: int, columns: int) -> Picture:

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ipm_rs._core import BevGrid, Camera, Plane, rotation_from_euler
+from ipm_rs._core import BevGrid, Camera, Plane, _refine_shown, rotation_from_euler
 from ipm_rs.calibration._rotations import OPTICAL_FROM_FLU
-from ipm_rs.refine._loss import CUT, correlation, exposed, in_threads, weights_of
-from ipm_rs.refine._motion import angles_of, axes_of_angles, pose_of
+from ipm_rs.refine._loss import correlation, exposed, in_threads, loss_of, most_of, normal_of, weights_of
+from ipm_rs.refine._motion import angles_of, pose_of
 from ipm_rs.refine._pictures import Pyramid
 from ipm_rs.refine._projection import Eye
 from ipm_rs.refine._solve import Normal
@@ -26,7 +28,6 @@ __all__ = [
     "Road",
     "Sight",
     "pose_of_camera",
-    "square",
 ]
 
 Matrix = NDArray[np.float64]
@@ -40,7 +41,8 @@ OF_EACH = (4, 5, 6, 7)
 """Columns of the derivatives by the sways of the first picture and of the second, behind those by `PARAMETERS`."""
 
 
-class Pose(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Pose:
     """Where the camera is: vehicle_from_camera, and how the vehicle sways, of which its poses know nothing."""
 
     rotation: Matrix
@@ -52,11 +54,16 @@ class Pose(NamedTuple):
         """Return the pose after a step in those of `PARAMETERS` that are free, then in the sways."""
         whole = np.zeros(4)
         whole[list(free)] = step[: len(free)]
-        roll, pitch, yaw = angles_of(square(self.rotation)) + whole[:3]
+        roll, pitch, yaw = self.angles + whole[:3]
         rotation = rotation_from_euler(roll, pitch, yaw) @ OPTICAL_FROM_FLU.T
         position = self.position + whole[3] * np.array([0.0, 0.0, 1.0])
         sways = self.sways + step[len(free) :].reshape(-1, 2) if len(step) > len(free) else self.sways
         return Pose(rotation, position, sways)
+
+    @cached_property
+    def angles(self) -> tuple[float, float, float]:
+        """Roll, pitch and yaw, radians."""
+        return angles_of(self.rotation)
 
     def at(self, picture: int) -> Pose:
         """Return the pose as it was at a picture, with its own pitch and height."""
@@ -67,7 +74,15 @@ class Pose(NamedTuple):
     @property
     def still(self) -> Pose:
         """The pose of a vehicle that does not sway."""
-        return self._replace(sways=np.zeros((0, 2)))
+        return replace(self, sways=np.zeros((0, 2)))
+
+    def mounting(self, picture: int) -> list[float]:
+        """Return roll, pitch, yaw and the position as they were at a picture."""
+        mounting = [*self.angles, *self.position]
+        if len(self.sways):
+            mounting[1] += self.sways[picture, 0]
+            mounting[5] += self.sways[picture, 1]
+        return mounting
 
     @property
     def camera_from_vehicle(self) -> Matrix:
@@ -89,6 +104,19 @@ class Pair(NamedTuple):
     motion: Matrix
     place: Matrix
     """Where the first was taken: ``map_from_vehicle`` or ``map_from_camera``."""
+
+
+class _Looked(NamedTuple):
+    """The later picture of a pair, as it is looked at for what the earlier one shows of the road."""
+
+    camera: Camera
+    picture: NDArray[np.float32]
+    level: int
+    mask: NDArray[np.bool_] | None
+    """Of the whole picture."""
+    motion: Matrix
+    of_camera: bool
+    ground: Plane
 
 
 class Sight(NamedTuple):
@@ -119,7 +147,8 @@ class Road:
         self, eye: Eye, pyramids: Sequence[Pyramid], pairs: Sequence[Pair], ground: Plane, of_camera: bool
     ) -> None:
         self.eye, self.pyramids, self.pairs, self.of_camera = eye, pyramids, pairs, of_camera
-        self._masks: dict[int, NDArray[np.bool_]] = {}
+        self._masks: dict[int, NDArray[np.bool_] | None] = {}
+        self.ground = ground
         self.normal = ground.normal
         self.offset = float(self.normal @ (0.0, 0.0, ground.coefficients[0]))
 
@@ -149,15 +178,19 @@ class Road:
 
     def _shown(self, pixels: Matrix, level: int) -> Matrix:
         """Return pixels, NaN where the camera's mask hides what a level shows there."""
-        mask = self.eye.camera.mask
+        mask = self._mask(level)
         if mask is None:
             return pixels
-        if level not in self._masks:
-            self._masks[level] = _eroded(mask, 2**level)
         rows, columns = mask.shape
-        whole = np.nan_to_num(pixels, nan=-1.0, posinf=-1.0, neginf=-1.0)
-        at = np.clip(np.rint(whole), 0, (columns - 1, rows - 1)).astype(np.intp)
-        return np.where(self._masks[level][at[:, 1], at[:, 0]][:, None], pixels, np.nan)
+        at = np.clip(np.rint(pixels), 0, (columns - 1, rows - 1)).astype(np.intp)
+        return np.where(mask[at[:, 1], at[:, 0]][:, None], pixels, np.nan)
+
+    def _mask(self, level: int) -> NDArray[np.bool_] | None:
+        """Return which pixels of the whole picture show nothing hidden, as far as a level's pixels reach."""
+        if level not in self._masks:
+            mask = self.eye.camera.mask
+            self._masks[level] = None if mask is None else _eroded(mask, 2**level)
+        return self._masks[level]
 
     def _sight(self, pose: Pose, pair: Pair, pixels: Matrix, rays: Matrix, level: int, most: int) -> Sight:
         twice = np.isfinite(self.residuals(pose, pair, Sight(rays, rays[:, 0]), level, slopes=False)[0])
@@ -184,42 +217,9 @@ class Road:
         derivatives : (N, 8) or None
             By roll, pitch, yaw, height, and by pitch and height of the first and of the second picture.
         """
-        first, second = pose.at(pair.first), pose.at(pair.second)
-        rays, n = sight.rays, self.normal
-        d = rays @ first.rotation.T
-        slant = np.einsum("nj,j->n", d, n)
-        with np.errstate(all="ignore"):
-            s = (self.offset - float(n @ first.position)) / slant
-        s = np.where(s > 0, s, np.nan)
-        if self.of_camera:
-            seen = (s[:, None] * rays) @ pair.motion[:3, :3].T + pair.motion[:3, 3]
-        else:
-            road = first.position + s[:, None] * d
-            away = road @ pair.motion[:3, :3].T + pair.motion[:3, 3] - second.position
-            seen = away @ second.rotation
-        pyramid = self.pyramids[pair.second]
-        if not slopes:
-            return pyramid.sample(level, self._shown(self.eye.pixels(seen), level)), None
-        pixels, by_point = self.eye.slopes(seen)
-        pixels = self._shown(pixels, level)
-        values, steep = pyramid.sample_with_slopes(level, pixels)
-        by_seen = np.einsum("ni,nij->nj", steep, by_point)  # by the point in the second camera's frame
-        if self.of_camera:
-            along = np.einsum("nj,nj->n", by_seen @ pair.motion[:3, :3], rays) / slant
-            by_turn = -(along * s)[:, None] * np.cross(d, n)
-            by_turns = np.stack([by_turn, np.zeros_like(by_turn)])
-            by_heights = np.stack([-along * n[2], np.zeros_like(along)])
-        else:
-            g = by_seen @ second.rotation.T  # by the point in the vehicle's frame at the second picture
-            q = g @ pair.motion[:3, :3]  # and at the first
-            across = q - ((q * d).sum(1) / slant)[:, None] * n  # as far as the point stays on the road
-            by_turns = np.stack([s[:, None] * np.cross(d, across), np.cross(g, away)])
-            by_heights = np.stack([across[:, 2], -g[:, 2]])
-        axes = [axes_of_angles(*angles_of(square(each.rotation))[1:]) for each in (first, second)]
-        by_angles = [by_turns[k] @ axes[k] for k in (0, 1)]
-        of_both = [by_angles[0] + by_angles[1], by_heights[0] + by_heights[1]]
-        of_each = [column for k in (0, 1) for column in (by_angles[k][:, 1], by_heights[k])]
-        return values, np.column_stack([*of_both, *of_each])
+        picture = self.pyramids[pair.second].picture(level)
+        looked = _Looked(self.eye.camera, picture, level, self._mask(level), pair.motion, self.of_camera, self.ground)
+        return _refine_shown(looked, sight.rays, pose.mounting(pair.first), pose.mounting(pair.second), slopes)
 
     def correlation(self, pose: Pose, sights: Sequence[Sight], level: int) -> float:
         """Return the mean correlation of the pairs, -1 where a pair shows less than half of its places twice."""
@@ -239,10 +239,8 @@ class Road:
             if both.sum() * 2 <= len(both):
                 total += 1.0
                 continue
-            values, there = values[both], sight.values[both]
-            off, _ = exposed(values, there, spread, None)
-            share = np.minimum((off / (CUT * spread)) ** 2, 1.0)
-            total += float(np.mean(1.0 - (1.0 - share) ** 3))
+            off = exposed(values, sight.values, spread)[0]
+            total += loss_of(off, spread) / len(off)
         return total / len(self.pairs)
 
     # ------------------------------------------------------------------------------------------------------------------
@@ -256,9 +254,7 @@ class Road:
 
     def _off(self, pose: Pose, item: tuple[Pair, Sight], level: int) -> Matrix:
         pair, sight = item
-        values = self.residuals(pose, pair, sight, level, slopes=False)[0]
-        both = np.isfinite(values)
-        return exposed(values[both], sight.values[both], None, None)[0]
+        return exposed(self.residuals(pose, pair, sight, level, slopes=False)[0], sight.values)[0]
 
     def normal_of(self, pose: Pose, sights: Sequence[Sight], level: int, spread: float, free: Sequence[int]) -> Normal:
         """Return the normal equations of Tukey's loss."""
@@ -302,19 +298,13 @@ class Road:
         """Return the normal equations of a pair by the free parameters, and by its pictures' sways if there are any."""
         columns = [*free, *OF_EACH] if len(pose.sways) else list(free)
         found = self._weighted(pose, item, level, spread, columns)
-        most, places = CUT**2 / 6.0 * spread**2, len(item[1].values)
+        places = len(item[1].values)
         if found is None:
-            return Normal(places * most, np.zeros(len(columns)), np.zeros((len(columns), len(columns))))
+            return Normal(places * most_of(spread), np.zeros(len(columns)), np.zeros((len(columns), len(columns))))
         off, J, _ = found
         # what leaves the picture counts as the rest does: else poses would be drawn to where less, or more, is seen
-        all_over_seen = places / len(off)
-        share = np.minimum((off / (CUT * spread)) ** 2, 1.0)
-        weighted = weights_of(off, spread)[:, None] * J
-        return Normal(
-            all_over_seen * float((most * (1.0 - (1.0 - share) ** 3)).sum()),
-            all_over_seen * np.einsum("np,n->p", weighted, off),
-            all_over_seen * np.einsum("np,nq->pq", weighted, J),
-        )
+        all_over_seen, seen = places / len(off), normal_of(off, J, spread)
+        return Normal(all_over_seen * seen.cost, all_over_seen * seen.gradient, all_over_seen * seen.hessian)
 
     def _weighted(
         self, pose: Pose, item: tuple[Pair, Sight], level: int, spread: float, columns: Sequence[int]
@@ -323,19 +313,8 @@ class Road:
         pair, sight = item
         values, derivatives = self.residuals(pose, pair, sight, level, slopes=True)
         assert derivatives is not None
-        J = derivatives[:, columns]
-        both = np.isfinite(values) & np.isfinite(J).all(1)
-        if both.sum() < 10:
-            return None
-        off, J = exposed(values[both], sight.values[both], spread, J[both])
-        return off, J, both
-
-
-def square(rotation: Matrix) -> Matrix:
-    """(4, 4) pose of a rotation."""
-    pose = np.eye(4)
-    pose[:3, :3] = rotation
-    return pose
+        off, J, both = exposed(values, sight.values, spread, derivatives[:, columns])
+        return None if len(off) < 10 else (off, J, both)
 
 
 def _eroded(mask: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
