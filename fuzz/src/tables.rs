@@ -45,8 +45,13 @@ fn forged(input: &mut Input<'_>) -> Vec<u8> {
     let mode = input.border_mode();
     let mode = if mode == BorderMode::Transparent { BorderMode::Constant } else { mode };
     let lut = Lut::from_maps_with(&x, &y, columns, (width as u32, height as u32), mode, input.flag());
-    let mut bytes = lut.expect("good maps").to_bytes().expect("there is memory");
-    for _ in 0..input.count(0, 6) {
+    let lut = lut.expect("good maps");
+    let mut bytes = lut.to_bytes().expect("there is memory");
+    let changes = input.count(0, 6);
+    if changes == 0 {
+        assert_eq!(Lut::from_bytes(&bytes).as_ref(), Ok(&lut), "there and back");
+    }
+    for _ in 0..changes {
         let at = input.count(0, bytes.len() - 1);
         match input.byte() % 4 {
             0 => bytes[at] = input.byte(),

@@ -70,3 +70,50 @@ impl fmt::Debug for Derived {
         write!(f, "Derived({count} made)")
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Barrier;
+    use std::sync::atomic::{AtomicUsize, Ordering};
+
+    use super::*;
+    use crate::table::Edges;
+
+    struct Plan(usize);
+
+    impl Derivative for Plan {
+        fn nbytes(&self) -> usize {
+            100
+        }
+    }
+
+    struct Weights(usize);
+
+    impl Derivative for Weights {
+        fn nbytes(&self) -> usize {
+            10
+        }
+    }
+
+    #[test]
+    fn threads_that_make_the_same_at_once_share_what_came_first() {
+        const THREADS: usize = 3;
+        let (derived, table) = (Derived::default(), Table::empty((1, 1), (2, 2), Edges::default()).unwrap());
+        let (together, made) = (Barrier::new(THREADS), AtomicUsize::new(0));
+        let plan = |_: &Table| {
+            together.wait(); // none is there until all of them make one
+            Ok(Plan(made.fetch_add(1, Ordering::Relaxed)))
+        };
+        let found: Vec<usize> = std::thread::scope(|scope| {
+            let threads: Vec<_> =
+                (0..THREADS).map(|_| scope.spawn(|| derived.get_or_make(&table, plan).unwrap().0)).collect();
+            threads.into_iter().map(|thread| thread.join().unwrap()).collect()
+        });
+        assert_eq!(made.into_inner(), THREADS);
+        assert!(found.iter().all(|plan| *plan == found[0]), "{found:?}");
+        assert_eq!(derived.nbytes(), 100, "one is kept");
+        assert_eq!(derived.get_or_make(&table, |_| Ok(Weights(7))).unwrap().0, 7);
+        assert_eq!(derived.get_or_make(&table, |_| Ok(Weights(8))).unwrap().0, 7, "made once");
+        assert_eq!(derived.nbytes(), 110);
+    }
+}
