@@ -9,9 +9,11 @@ mod common;
 use std::hint::black_box;
 
 use common::{seed_camera, seed_grid, textured};
+use ipm_rs::mosaic::{Frame, Kept, Layers, Tile};
 use ipm_rs::rig::{RigLut, RigOptions};
 use ipm_rs::{
-    Bilinear, Camera, F16, Ground, ImageView, ImageViewMut, Interpolation, Lut, Mapping, WarpOptions, warp_direct_into,
+    BevGrid, Bilinear, Camera, F16, Ground, ImageView, ImageViewMut, Interpolation, Lut, Mapping, Pinhole, SampleAt,
+    WarpOptions, warp_direct_into,
 };
 
 const SIZE: (usize, usize) = (1024, 512);
@@ -50,6 +52,8 @@ fn main() {
         "bilinear i16x3" => warp::<i16>(&camera, 3, Interpolation::Bilinear, |byte| i16::from(byte) * 257 - 3000),
         "bilinear f16x3" => warp::<F16>(&camera, 3, Interpolation::Bilinear, |byte| F16::from_f32(byte.into())),
         "bilinear f64x3" => warp::<f64>(&camera, 3, Interpolation::Bilinear, f64::from),
+        "mosaic u8x1" => mosaic(1),
+        "mosaic u8x3" => mosaic(3),
         "homography u8x3" => homography::<u8>(3, |byte| byte),
         "homography f32x1" => homography::<f32>(1, f32::from),
         "homography f32x3" => homography::<f32>(3, f32::from),
@@ -155,6 +159,48 @@ fn table(camera: &Camera) -> usize {
     let mut lut = None;
     counted(&mut || lut = Some(Lut::new(black_box(camera), &grid, &Ground::default()).expect("the seed job fits")));
     lut.map_or(0, |lut| lut.rows() * lut.columns())
+}
+
+/// Adds a picture of KITTI's size to a tile of a map that has one already; returns the cells that it is counted in.
+fn mosaic(channels: usize) -> usize {
+    const SIDE: usize = 512;
+    const CELL: f64 = 0.05;
+    const PIXELS: (usize, usize) = (1226, 370);
+    ipm_rs::set_num_threads(1).expect("one is a number of threads");
+    let lens = Pinhole::new(707.0, 707.0, 602.0, 183.0, 0.0).expect("a lens");
+    let size = (PIXELS.0 as u32, PIXELS.1 as u32);
+    let camera = Camera::from_euler(lens, size, [0.0, 0.0, 1.65], 0.0, 0.02, 0.1).expect("a camera");
+    let half = CELL * SIDE as f64 / 2.0;
+    let window = BevGrid::new((3.2, 20.0), (-half, half), (CELL, CELL), SampleAt::Center).expect("a grid");
+    let (ground, distance) = (Ground::default(), (4.0, 20.0));
+    let frame = Frame { camera, mask: None, ground: &ground, from: [0.0, 0.0], distance, weight: 1.0, id: 0 };
+    let data = textured(PIXELS.0 * PIXELS.1 * channels);
+    let image = ImageView::new(&data, PIXELS, channels).expect("the image fits its size");
+    let numbers = SIDE * SIDE * channels;
+    let (mut weights, mut totals, mut counts) = (vec![0; SIDE * SIDE], vec![0; numbers], vec![0; SIDE * SIDE]);
+    let (mut sums, mut squares) = (vec![0; numbers], vec![0; numbers]);
+    let (mut resolutions, mut bests) = (vec![0; SIDE * SIDE], vec![0; numbers]);
+    let kept = Kept { channels, samples: 0, labels: false };
+    let mut add = || {
+        let layers = Layers {
+            weights: &mut weights,
+            totals: &mut totals,
+            counts: &mut counts,
+            sums: &mut sums,
+            squares: &mut squares,
+            resolutions: &mut resolutions,
+            bests: &mut bests,
+            keys: &mut [],
+            samples: &mut [],
+        };
+        let tile = Tile::new(SIDE, kept, layers).expect("layers of one tile");
+        frame.add(black_box(&image), &window, tile, (0, 0), Some(1)).expect("it fits the tile")
+    };
+    let cells = add();
+    counted(&mut || {
+        black_box(add());
+    });
+    cells
 }
 
 /// Warps by a homography, without a table; returns the cells.

@@ -39,6 +39,8 @@ JOBS = [
     "adjoint bilinear",  # of f32x3, as all adjoints here
     "adjoint nearest",
     "adjoint area",
+    "mosaic u8x1",  # a frame into a tile: table, plan, warp, resolutions, sums
+    "mosaic u8x3",
     "homography u8x3",
     "homography f32x1",
     "homography f32x3",

@@ -35,8 +35,9 @@ __all__ = [
     "_checksum",
     "_mosaic_add",
     "_mosaic_merge",
-    "_mosaic_sees",
+    "_mosaic_shown",
     "_mosaic_shows",
+    "_mosaic_windows",
     "_refine_differences",
     "_refine_normal",
     "_refine_shown",
@@ -3417,19 +3418,25 @@ def set_num_threads(n: SupportsIndex) -> None:
         ArgumentError, ArgumentTypeError: it is not a whole number from 1 to 1024.
     """
 
-def _mosaic_sees(placed: Any, coarse: BevGrid, finer: float) -> NDArray[np.bool_]: ...
+def _mosaic_windows(
+    placed: Any, resolution: float, side: int
+) -> list[tuple[tuple[int, int], tuple[int, int], BevGrid]]: ...
 def _mosaic_shows(
     placed: Any, image: NDArray[Any], window: BevGrid, least: float, threads: int | None
 ) -> tuple[NDArray[Any], NDArray[np.bool_]]: ...
-def _mosaic_add(
+def _mosaic_shown(
     placed: Any,
     image: NDArray[Any],
     window: BevGrid,
-    tile: tuple[Any, ...],
     at: tuple[int, int],
     labels: bool,
     threads: int | None,
-) -> int: ...
+) -> tuple[int, tuple[tuple[int, int], NDArray[Any], NDArray[np.uint16], int, int]]: ...
+def _mosaic_add(
+    tile: tuple[Any, ...],
+    waiting: list[tuple[tuple[int, int], NDArray[Any], NDArray[np.uint16], int, int]],
+    threads: int | None,
+) -> None: ...
 def _mosaic_merge(tile: tuple[Any, ...], keys: NDArray[np.uint32], samples: NDArray[Any]) -> None: ...
 def _refine_shown(
     looked: Any, rays: NDArray[np.float64], first: Sequence[float], second: Sequence[float], slopes: bool

@@ -1,8 +1,12 @@
 //! How much a frame counts in a cell, and the loop that adds it.
 
-use super::tile::{Kept, Layers, Value, insert};
-use crate::error::Result;
-use crate::isa::{self, Isa};
+use std::ops::Range;
+
+use super::contribution::Contribution;
+use super::tile::{Kept, Layers, Tile, Value, insert};
+use crate::error::{Error, MosaicError, Result};
+use crate::isa::{self, Isa, for_each_isa};
+use crate::parallel::{self, Work};
 use crate::view::buffer;
 
 /// Resolutions are kept in 1/4096 pixel a cell.
@@ -23,13 +27,17 @@ pub(super) const WHOLE: u32 = 1 << 16;
 /// The weight of a frame by how it resolves the cell: its eighth power in Q31, level from one pixel a cell on.
 ///
 /// All that resolve a cell share it, and where none does the best one wins by far: half the resolution counts 1/256.
+/// Every factor fits 32 bits and says so: of these the compiler makes vectors, of 64-bit products it does not.
 #[inline(always)]
-fn weight(resolution: u32, whole: u32) -> u32 {
-    let square = u64::from(resolution.min(ONE_PIXEL)).pow(2); // Q24
-    let fourth = (square * square) >> 17; // Q31
-    let eighth = (fourth * fourth) >> 31;
-    let weight = ((eighth * u64::from(whole)) >> 16).max(1); // up to 2^31
-    if resolution >= LEAST { weight as u32 } else { 0 }
+fn weight_of(resolution: u32, whole: u32) -> u32 {
+    let product = |one: u32, other: u32| u64::from(one) * u64::from(other);
+    let shared = if resolution < ONE_PIXEL { resolution } else { ONE_PIXEL };
+    let square = shared * shared; // Q24
+    let fourth = (product(square, square) >> 17) as u32; // Q31
+    let eighth = (product(fourth, fourth) >> 31) as u32;
+    let weight = (product(eighth, whole) >> 16) as u32; // up to 2^31
+    let weight = if weight > 0 { weight } else { 1 };
+    if resolution >= LEAST { weight } else { 0 }
 }
 
 /// Of the id of a frame in the key of a sample.
@@ -43,95 +51,56 @@ fn key(resolution: u32, id: u32) -> u32 {
     (octave.saturating_sub(LEAST.ilog2()) << 9 | steps) << ID_BITS | id
 }
 
-/// The weights of a frame by resolution up to one pixel; those of finer ones are the last.
-///
-/// A table, because an eighth power in 64 bits has no vector instructions: looked up, adding a row takes half the time.
-pub(super) struct Weights(Vec<u32>);
+/// How far away the cells of a row are, and which distances count.
+pub(super) struct Distances<'a> {
+    /// The square of how far the row is away along x, of each cell that along y.
+    pub(super) x_squared: f64,
+    pub(super) y_squared: &'a [f64],
+    /// From and to before which.
+    pub(super) counted: (f64, f64),
+}
 
-impl Weights {
-    /// Of a frame that counts `whole` of [`WHOLE`].
-    ///
-    /// # Errors
-    /// [`Error::OutOfMemory`](crate::Error::OutOfMemory).
-    pub(super) fn new(whole: u32) -> Result<Self> {
-        let mut weights = buffer::zeroed("mosaic", ONE_PIXEL as usize + 1)?;
-        for (resolution, entry) in (0..).zip(&mut weights) {
-            *entry = weight(resolution, whole);
-        }
-        Ok(Self(weights))
-    }
-
+/// Writes the resolutions of neighbouring cells in 1/4096 pixel, of so many `pixels` a cell; 0 where a cell does not count.
+pub(super) fn quantise(isa: Isa, distances: &Distances<'_>, pixels: &[f32], resolutions: &mut [u16]) {
+    for_each_isa!(isa, (body, body, body)(distances: &Distances<'_>, pixels: &[f32], resolutions: &mut [u16]));
     #[inline(always)]
-    fn of(&self, resolution: u16) -> u32 {
-        self.0[usize::from(resolution).min(ONE_PIXEL as usize)]
-    }
-}
-
-/// Room for numbers of neighbouring cells.
-pub(super) struct Scratch {
-    resolutions: Vec<u16>,
-    weights: Vec<u32>,
-}
-
-impl Scratch {
-    /// # Errors
-    /// [`Error::OutOfMemory`](crate::Error::OutOfMemory).
-    pub(super) fn new(cells: usize) -> Result<Self> {
-        Ok(Self { resolutions: buffer::zeroed("mosaic", cells)?, weights: buffer::zeroed("mosaic", cells)? })
+    fn body(distances: &Distances<'_>, pixels: &[f32], resolutions: &mut [u16]) {
+        let cells = resolutions.len();
+        let (near, far) = (distances.counted.0.powi(2), distances.counted.1.powi(2));
+        let (pixels, y_squared) = (&pixels[..cells], &distances.y_squared[..cells]);
+        for cell in 0..cells {
+            let squared = distances.x_squared + y_squared[cell];
+            let counts = (squared >= near) & (squared < far);
+            // plain comparisons, which NaN fails: f32::max and min look for it, and block vectors
+            let pixels = pixels[cell];
+            let pixels = if pixels > 0.0 { pixels } else { 0.0 };
+            let pixels = if pixels < FINEST { pixels } else { FINEST };
+            let resolution = (pixels * ONE_PIXEL as f32) as i32;
+            resolutions[cell] = if counts & (resolution >= LEAST as i32) { resolution as u16 } else { 0 };
+        }
     }
 }
 
 /// Neighbouring cells of a row, and what a frame shows of them.
-pub(super) struct Cells<'a, T> {
-    pub(super) layers: Layers<'a, T>,
-    pub(super) kept: Kept,
-    pub(super) values: &'a [T],
-    /// Pixels a cell.
-    pub(super) resolutions: &'a [f32],
-    /// The square of how far the row is away along x, of each cell that along y, and which distances count.
-    pub(super) x_squared: f64,
-    pub(super) y_squared: &'a [f64],
-    pub(super) distance: (f64, f64),
-    pub(super) weights: &'a Weights,
-    /// Of the frame, from 1 on, in [`ID_BITS`].
-    pub(super) id: u32,
-    pub(super) scratch: &'a mut Scratch,
+struct Cells<'a, T> {
+    layers: Layers<'a, T>,
+    kept: Kept,
+    values: &'a [T],
+    resolutions: &'a [u16],
+    /// Of the frame: how much it counts, and its id from 1 on, in [`ID_BITS`].
+    whole: u32,
+    id: u32,
+    /// Room for a weight of each cell.
+    weights: &'a mut [u32],
 }
 
 impl<T: Value> Cells<'_, T> {
-    /// Adds them; returns how many counted.
-    pub(super) fn add(self, isa: Isa) -> usize {
-        isa::run(isa, self)
-    }
-
-    /// The resolution of each cell in 1/4096 pixel, 0 where the frame does not count, and its weight.
     #[inline(always)]
-    fn weigh(&mut self) {
-        let cells = self.resolutions.len();
-        let (near, far) = (self.distance.0 * self.distance.0, self.distance.1 * self.distance.1);
-        let (resolutions, y_squared) = (&self.resolutions[..cells], &self.y_squared[..cells]);
-        let own = &mut self.scratch.resolutions[..cells];
-        for cell in 0..cells {
-            let squared = self.x_squared + y_squared[cell];
-            let counts = (squared >= near) & (squared < far);
-            // plain comparisons, which NaN fails: f32::max and min look for it, and block vectors
-            let pixels = resolutions[cell];
-            let pixels = if pixels > 0.0 { pixels } else { 0.0 };
-            let pixels = if pixels < FINEST { pixels } else { FINEST };
-            let resolution = (pixels * ONE_PIXEL as f32) as i32;
-            own[cell] = if counts & (resolution >= LEAST as i32) { resolution as u16 } else { 0 };
-        }
-        for (weight, &resolution) in self.scratch.weights[..cells].iter_mut().zip(&*own) {
-            *weight = self.weights.of(resolution);
-        }
-    }
-
-    #[inline(always)]
-    fn add_channels<const C: usize>(self) -> usize {
-        let Self { layers, values, kept, .. } = self;
+    fn add_channels<const C: usize>(self) {
+        let Self { layers, values, kept, whole, .. } = self;
         let cells = self.resolutions.len();
         let channels = if C == 0 { kept.channels } else { C };
-        let (resolutions, weights) = (&self.scratch.resolutions[..cells], &self.scratch.weights[..cells]);
+        let (resolutions, weights) = (&self.resolutions[..cells], &mut self.weights[..cells]);
         if kept.samples > 0 {
             let lists = layers.keys.chunks_exact_mut(kept.samples);
             let lists = lists.zip(layers.samples.chunks_exact_mut(kept.samples * channels));
@@ -141,16 +110,17 @@ impl<T: Value> Cells<'_, T> {
                 }
             }
         }
-        let mut counted = 0;
-        for ((total, count), &weight) in layers.weights.iter_mut().zip(&mut *layers.counts).zip(weights) {
+        for (weight, &resolution) in weights.iter_mut().zip(resolutions) {
+            *weight = weight_of(resolution.into(), whole);
+        }
+        for ((total, count), &weight) in layers.weights.iter_mut().zip(&mut *layers.counts).zip(&*weights) {
             *total += u64::from(weight);
             *count += u32::from(weight > 0);
-            counted += u32::from(weight > 0);
         }
         if !kept.labels {
             let numbers = (layers.totals.chunks_exact_mut(channels).zip(layers.sums.chunks_exact_mut(channels)))
                 .zip(layers.squares.chunks_exact_mut(channels).zip(values.chunks_exact(channels)));
-            for (((totals, sums), (squares, values)), &weight) in numbers.zip(weights) {
+            for (((totals, sums), (squares, values)), &weight) in numbers.zip(&*weights) {
                 for channel in 0..channels {
                     let value = values[channel].widened();
                     let once = if weight > 0 { value } else { 0 };
@@ -173,20 +143,100 @@ impl<T: Value> Cells<'_, T> {
                 best.copy_from_slice(values);
             }
         }
-        counted as usize
     }
 }
 
 impl<T: Value> isa::Body for Cells<'_, T> {
-    type Output = usize;
+    type Output = ();
 
     #[inline(always)]
-    fn run(mut self) -> usize {
-        self.weigh();
+    fn run(self) {
         match self.kept.channels {
             1 => self.add_channels::<1>(),
             3 => self.add_channels::<3>(),
             _ => self.add_channels::<0>(),
+        }
+    }
+}
+
+impl<T: Value> Tile<'_, T> {
+    /// Adds what frames show, in whatever order: row by row, so that a row of sums is read and written once for all of them.
+    ///
+    /// # Errors
+    /// [`MosaicError`], and [`IsaError`](crate::error::IsaError) and [`Error::OutOfMemory`]; nothing has been added then.
+    pub fn add(&mut self, contributions: &[Contribution<'_, T>], threads: Option<usize>) -> Result<()> {
+        let (side, kept, isa) = (self.side, self.kept, Isa::active()?);
+        for contribution in contributions {
+            self.check(contribution)?;
+        }
+        let Some(first) = contributions.iter().map(|one| one.rows().start).min() else { return Ok(()) };
+        let end = contributions.iter().map(|one| one.rows().end).max().unwrap_or(first);
+        let (rows, cells) = (end - first, contributions.iter().map(|one| one.resolutions.len()).sum::<usize>());
+        let threads = Work::bytes(cells * (8 + (8 + 4 * kept.samples) * kept.channels)).threads(threads)?;
+        let band_rows = parallel::rows_per_band(rows, side * contributions.len(), threads);
+        let mut bands = buffer::reserved("mosaic", rows.div_ceil(band_rows.max(1)))?;
+        let mut left = self.layers.cells(first * side..end * side, kept);
+        for band in (first..end).step_by(band_rows.max(1)) {
+            let band_rows = band_rows.min(end - band);
+            let (layers, below) = left.split(band_rows * side, kept);
+            let weights = buffer::zeroed("mosaic", side)?;
+            bands.push(Band { layers, rows: band..band + band_rows, weights });
+            left = below;
+        }
+        parallel::for_each(threads, bands.iter_mut(), |band: &mut Band<'_, T>| {
+            band.add(isa, (side, kept), contributions);
+            Ok(())
+        })
+    }
+
+    /// Refuses what does not fit the tile.
+    fn check(&self, contribution: &Contribution<'_, T>) -> Result<()> {
+        let (side, Kept { channels, .. }) = (self.side, self.kept);
+        let (at, columns, rows) = (contribution.at, contribution.columns, contribution.rows().len());
+        let fits = contribution.rows().end <= side && at.1.saturating_add(columns) <= side;
+        if !fits || rows * columns != contribution.resolutions.len() {
+            return Err(Error::Mosaic(MosaicError::Window { side, rows, columns, at }));
+        }
+        if contribution.values.len() != rows * columns * channels {
+            let got = contribution.values.len() / (rows * columns).max(1);
+            return Err(Error::Mosaic(MosaicError::Channels { expected: channels, got }));
+        }
+        Ok(())
+    }
+}
+
+/// Some rows of a tile.
+struct Band<'a, T> {
+    layers: Layers<'a, T>,
+    rows: Range<usize>,
+    /// Room for a weight of each cell of a row.
+    weights: Vec<u32>,
+}
+
+impl<T: Value> Band<'_, T> {
+    fn add(&mut self, isa: Isa, (side, kept): (usize, Kept), contributions: &[Contribution<'_, T>]) {
+        for row in self.rows.clone() {
+            for one in contributions.iter().filter(|one| one.rows().contains(&row)) {
+                let columns = one.counted_columns(row);
+                let own = |columns: Range<usize>| {
+                    let before = (row - one.at.0) * one.columns;
+                    before + columns.start..before + columns.end
+                };
+                let numbers = own(columns.clone());
+                let first = (row - self.rows.start) * side + one.at.1 + columns.start;
+                isa::run(
+                    isa,
+                    Cells {
+                        layers: self.layers.cells(first..first + columns.len(), kept),
+                        kept,
+                        values: &one.values[numbers.start * kept.channels..numbers.end * kept.channels],
+                        resolutions: &one.resolutions[numbers],
+                        whole: one.weight.clamp(1, WHOLE),
+                        id: 1 + one.id % ((1 << ID_BITS) - 1), // 0 is of no frame
+                        weights: &mut self.weights,
+                    },
+                );
+            }
         }
     }
 }
@@ -211,16 +261,171 @@ mod tests {
 
     #[test]
     fn weights_are_the_eighth_power_and_level_from_one_pixel_on() {
-        assert_eq!(weight(ONE_PIXEL, WHOLE), 1 << 31);
-        assert_eq!(weight(10 * ONE_PIXEL, WHOLE), 1 << 31);
-        assert_eq!(weight(ONE_PIXEL / 2, WHOLE), 1 << 23);
-        assert_eq!(weight(ONE_PIXEL, WHOLE / 2), 1 << 30);
-        assert_eq!(weight(LEAST, WHOLE), 1, "what counts at all counts something");
-        assert_eq!(weight(LEAST - 1, WHOLE), 0);
+        assert_eq!(weight_of(ONE_PIXEL, WHOLE), 1 << 31);
+        assert_eq!(weight_of(10 * ONE_PIXEL, WHOLE), 1 << 31);
+        assert_eq!(weight_of(ONE_PIXEL / 2, WHOLE), 1 << 23);
+        assert_eq!(weight_of(ONE_PIXEL, WHOLE / 2), 1 << 30);
+        assert_eq!(weight_of(LEAST, WHOLE), 1, "what counts at all counts something");
+        assert_eq!(weight_of(LEAST - 1, WHOLE), 0);
         for resolution in LEAST..ONE_PIXEL {
             let exact = (f64::from(resolution) / f64::from(ONE_PIXEL)).powi(8) * f64::from(1u32 << 31);
-            let got = f64::from(weight(resolution, WHOLE));
+            let got = f64::from(weight_of(resolution, WHOLE));
             assert!((got - exact).abs() <= 1.0 + exact * 1e-4, "{resolution}: {got}, {exact}");
+        }
+    }
+
+    /// The layers of a tile.
+    struct Sums<T> {
+        weights: Vec<u64>,
+        totals: Vec<u64>,
+        counts: Vec<u32>,
+        sums: Vec<u64>,
+        squares: Vec<u64>,
+        resolutions: Vec<u16>,
+        bests: Vec<T>,
+        keys: Vec<u32>,
+        samples: Vec<T>,
+    }
+
+    impl<T: Value + Default> Sums<T> {
+        fn new(side: usize, kept: Kept) -> Self {
+            let (cells, numbers) = (side * side, side * side * kept.channels);
+            let summed = if kept.labels { 0 } else { numbers };
+            Self {
+                weights: vec![0; cells],
+                totals: vec![0; summed],
+                counts: vec![0; cells],
+                sums: vec![0; summed],
+                squares: vec![0; summed],
+                resolutions: vec![0; cells],
+                bests: vec![T::default(); numbers],
+                keys: vec![0; cells * kept.samples],
+                samples: vec![T::default(); numbers * kept.samples],
+            }
+        }
+
+        fn layers(&mut self) -> Layers<'_, T> {
+            Layers {
+                weights: &mut self.weights,
+                totals: &mut self.totals,
+                counts: &mut self.counts,
+                sums: &mut self.sums,
+                squares: &mut self.squares,
+                resolutions: &mut self.resolutions,
+                bests: &mut self.bests,
+                keys: &mut self.keys,
+                samples: &mut self.samples,
+            }
+        }
+
+        /// All numbers, one after another.
+        fn all(&self) -> Vec<u64> {
+            let Self { weights, totals, sums, squares, .. } = self;
+            let small = |values: &[T]| values.iter().map(|value| value.widened().into()).collect::<Vec<u64>>();
+            let words = |values: &[u32]| values.iter().map(|&value| value.into()).collect::<Vec<u64>>();
+            let resolutions = self.resolutions.iter().map(|&value| value.into()).collect();
+            let others =
+                [words(&self.counts), words(&self.keys), small(&self.bests), small(&self.samples), resolutions];
+            [weights, totals, sums, squares].into_iter().chain(&others).flatten().copied().collect()
+        }
+    }
+
+    const SIDE: usize = 37;
+
+    fn noise(state: &mut u64) -> u32 {
+        *state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (*state >> 33) as u32
+    }
+
+    /// Windows of noise: of all sizes, with cells that do not count and some that are as good as others.
+    fn contributions<T: Value>(channels: usize, of: impl Fn(u32) -> T) -> Vec<Contribution<'static, T>> {
+        let mut state = 7;
+        let windows = [((0, 0), 37, 37), ((5, 7), 20, 30), ((5, 7), 20, 30), ((36, 0), 1, 37), ((3, 36), 9, 1)];
+        let one = |(id, &(at, rows, columns)): (usize, &((usize, usize), usize, usize))| {
+            let cells = rows * columns;
+            let values = (0..cells * channels).map(|_| of(noise(&mut state))).collect();
+            let resolution = |bits: u32| [0, 300, (bits >> 8) as u16 | 256][bits as usize % 3];
+            let resolutions = (0..cells).map(|_| resolution(noise(&mut state))).collect();
+            Contribution { at, columns, values, resolutions, weight: [65536, 1, 9000][id % 3], id: id as u32 }
+        };
+        windows.iter().enumerate().map(one).collect()
+    }
+
+    /// What adding is: cell by cell.
+    fn by_definition<T: Value + Default>(kept: Kept, contributions: &[Contribution<'_, T>]) -> Vec<u64> {
+        let (channels, count) = (kept.channels, kept.samples);
+        let mut sums = Sums::new(SIDE, kept);
+        for one in contributions {
+            for (index, &resolution) in one.resolutions.iter().enumerate().filter(|&(_, &resolution)| resolution > 0) {
+                let cell = (one.at.0 + index / one.columns) * SIDE + one.at.1 + index % one.columns;
+                let values = &one.values[index * channels..(index + 1) * channels];
+                let weight = u64::from(weight_of(resolution.into(), one.weight));
+                sums.weights[cell] += weight;
+                sums.counts[cell] += 1;
+                let own = cell * channels..(cell + 1) * channels;
+                if !kept.labels {
+                    for (number, value) in own.clone().zip(values.iter().map(|value| u64::from(value.widened()))) {
+                        sums.totals[number] += weight * value;
+                        sums.sums[number] += value;
+                        sums.squares[number] += value * value;
+                    }
+                }
+                if (resolution, values) > (sums.resolutions[cell], &sums.bests[own.clone()]) {
+                    sums.resolutions[cell] = resolution;
+                    sums.bests[own].copy_from_slice(values);
+                }
+                let lists = (cell * count..(cell + 1) * count, cell * count * channels..(cell + 1) * count * channels);
+                let key = key(resolution.into(), 1 + one.id);
+                insert(&mut sums.keys[lists.0], &mut sums.samples[lists.1], key, values);
+            }
+        }
+        sums.all()
+    }
+
+    fn check<T: Value + Default>(of: impl Fn(u32) -> T + Copy) {
+        for (channels, samples, labels) in [(1, 0, false), (2, 3, false), (3, 0, false), (3, 2, false), (1, 2, true)] {
+            let kept = Kept { channels, samples, labels };
+            let contributions = contributions(channels, of);
+            let expected = by_definition(kept, &contributions);
+            for &isa in Isa::available() {
+                let mut sums = Sums::new(SIDE, kept);
+                let mut band = Band { layers: sums.layers(), rows: 0..SIDE, weights: vec![0; SIDE] };
+                band.add(isa, (SIDE, kept), &contributions);
+                assert!(sums.all() == expected, "{isa:?} {kept:?}");
+            }
+            let mut reversed = contributions.clone();
+            reversed.reverse();
+            for (parts, threads) in [(1, 1), (1, 3), (2, 1), (5, 2)] {
+                let mut sums = Sums::new(SIDE, kept);
+                for part in reversed.chunks(reversed.len().div_ceil(parts)) {
+                    let mut tile = Tile::new(SIDE, kept, sums.layers()).unwrap();
+                    tile.add(part, Some(threads)).unwrap();
+                }
+                assert!(sums.all() == expected, "{parts} parts {kept:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn frames_that_wait_are_added_as_one_by_one_in_any_order_on_every_instruction_set() {
+        check(|bits| bits as u8);
+        check(|bits| bits as u16);
+    }
+
+    #[test]
+    fn what_does_not_fit_the_tile_is_refused_and_nothing_is_added() {
+        let kept = Kept { channels: 1, samples: 0, labels: false };
+        let good = contributions(1, |bits| bits as u8).remove(1);
+        let outside = Contribution { at: (18, 7), ..good.clone() };
+        let ragged = Contribution { columns: 31, ..good.clone() };
+        let deep = Contribution { values: vec![0; good.values.len() * 3].into(), ..good.clone() };
+        let far = Contribution { at: (usize::MAX, usize::MAX - 3), ..good.clone() };
+        for wrong in [outside, ragged, deep, far] {
+            let mut sums = Sums::new(SIDE, kept);
+            let mut tile = Tile::new(SIDE, kept, sums.layers()).unwrap();
+            let refused = tile.add(&[good.clone(), wrong], None);
+            assert!(matches!(refused, Err(Error::Mosaic(_))), "{refused:?}");
+            assert!(sums.all().iter().all(|&number| number == 0));
         }
     }
 }

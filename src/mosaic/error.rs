@@ -1,5 +1,7 @@
 //! What is wrong with a tile of a mosaic.
 
+use super::windows::COARSEST_STEP;
+
 /// Layers or a window that do not fit a tile.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
@@ -32,6 +34,12 @@ pub enum MosaicError {
         /// Channels of the tile.
         expected: usize,
         /// Channels that came.
+        got: usize,
+    },
+    /// Tiles of a side that windows cannot be found for.
+    #[error("mosaic: expected tiles of a multiple of {COARSEST_STEP} cells, got {got}")]
+    Side {
+        /// The side that came.
         got: usize,
     },
 }

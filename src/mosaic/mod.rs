@@ -3,6 +3,9 @@
 //! A frame is a camera placed in the map. Each tile that it sees well has a table of its own, so an image is sampled once,
 //! from its pixels to the map's cells. What is added depends on the frame and the tile alone.
 //!
+//! The sums of a tile are large beside what a frame brings: 39 bytes a grey cell that are read and written, for 3. So
+//! [`Frame::contribution`] and [`Tile::add`] are apart: several frames wait, and are added row by row at once.
+//!
 //! ```
 //! use ipm_rs::mosaic::{Frame, Kept, Layers, Tile};
 //! use ipm_rs::{BevGrid, Camera, Ground, ImageView, Pinhole, SampleAt};
@@ -32,21 +35,22 @@
 //! ```
 
 mod accumulate;
+mod contribution;
 pub(crate) mod error;
 mod tile;
+mod windows;
 
+pub use contribution::Contribution;
 pub use tile::{Kept, Layers, Tile, Value};
+pub use windows::Window;
 
 use crate::camera::Camera;
-use crate::error::{Error, MosaicError, Result};
+use crate::error::Result;
 use crate::grid::BevGrid;
 use crate::ground::Ground;
-use crate::isa::Isa;
-use crate::lut::{Disc, Lut, Resolution};
-use crate::parallel::{self, Work};
+use crate::lut::{Disc, Lut};
 use crate::view::{ImageMask, ImageView, ImageViewMut, buffer};
 use crate::warp::{Interpolation, WarpOptions};
-use accumulate::{COARSEST, Cells, ID_BITS, Scratch, WHOLE, Weights};
 
 const WHAT: &str = "mosaic";
 
@@ -72,29 +76,20 @@ pub struct Frame<'a> {
 impl Frame<'_> {
     /// The table of the cells of a window that the camera sees.
     fn table(&self, window: &BevGrid) -> Result<Lut> {
-        // what is too far away does not count: a fifth of the windows, which need not be sampled. Two cells more, so that
-        // the cells at the rim have neighbours, and a footprint
-        let (along, across) = window.resolution();
-        let disc = Disc { center: self.from, radius: self.distance.1 + 2.0 * along.max(across) };
-        let lut = Lut::within(&self.camera, window, self.ground, disc)?;
+        let lut = self.unmasked_table(window, self.distance.1)?;
         match self.mask {
             Some(mask) => lut.masked(mask),
             None => Ok(lut),
         }
     }
 
-    /// Which cells of a coarse grid the frame sees well enough for a mosaic whose cells are `finer` times as fine in each
-    /// direction, row-major: from these follows which tiles, and which part of them, are worth a table. The mask is not
-    /// looked at.
-    ///
-    /// # Errors
-    /// Those of [`Lut::new`] and of [`Lut::resolved_mask`].
-    pub fn sees(&self, coarse: &BevGrid, finer: f64) -> Result<Vec<bool>> {
-        let mut seen = Lut::new(&self.camera, coarse, self.ground)?.resolved_mask(COARSEST * finer)?;
-        // half a diagonal of a coarse cell nearer and farther
-        let half = coarse.resolution().0.hypot(coarse.resolution().1) / 2.0;
-        self.keep_within(&mut seen, coarse, (self.distance.0 - half, self.distance.1 + half));
-        Ok(seen)
+    /// The table of the cells of a grid up to so many metres away, whatever the mask hides.
+    fn unmasked_table(&self, grid: &BevGrid, far: f64) -> Result<Lut> {
+        // what is too far away does not count: a fifth of the windows, which need not be sampled. Two cells more, so that
+        // the cells at the rim have neighbours, and a footprint
+        let (along, across) = grid.resolution();
+        let disc = Disc { center: self.from, radius: far + 2.0 * along.max(across) };
+        Lut::within(&self.camera, grid, self.ground, disc)
     }
 
     /// What the frame shows of a window, and where: in cells that it resolves with at least `least` pixels and whose distance
@@ -110,11 +105,28 @@ impl Frame<'_> {
         threads: Option<usize>,
     ) -> Result<(Vec<T>, Vec<bool>)> {
         let lut = self.table(window)?;
-        let options = WarpOptions { interpolation: Interpolation::Area, threads, ..WarpOptions::default() };
-        let values = lut.warp(image, &options)?;
+        let values = self.values(image, &lut, false, threads)?;
         let mut seen = lut.resolved_mask(least)?;
         self.keep_within(&mut seen, window, self.distance);
         Ok((values, seen))
+    }
+
+    /// What the picture shows of each cell of a table: the average over it, or of `labels` the most frequent one.
+    fn values<T: Value>(
+        &self,
+        image: &ImageView<'_, T>,
+        lut: &Lut,
+        labels: bool,
+        threads: Option<usize>,
+    ) -> Result<Vec<T>> {
+        let options = WarpOptions { interpolation: Interpolation::Area, threads, ..WarpOptions::default() };
+        if !labels {
+            return lut.warp(image, &options);
+        }
+        let size = (lut.columns(), lut.rows());
+        let mut values = buffer::filled(WHAT, size.0 * size.1 * image.channels(), T::default())?;
+        lut.warp_many_mode_into(&[*image], &mut [ImageViewMut::new(&mut values, size, image.channels())?], &options)?;
+        Ok(values)
     }
 
     /// Leaves those cells of a grid whose distance is between two.
@@ -130,121 +142,20 @@ impl Frame<'_> {
     }
 
     /// Adds what the frame shows of a window of a tile, whose first cell is the tile's cell `at` (row, column). Returns how
-    /// many cells counted. Averages are those of [`Interpolation::Area`]; of labels each cell has the most frequent one.
+    /// many cells counted.
     ///
     /// # Errors
-    /// [`MosaicError`], and those of [`Lut::new`] and [`Lut::warp`]; nothing has been added then.
+    /// Those of [`Frame::contribution`] and of [`Tile::add`]; nothing has been added then.
     pub fn add<T: Value>(
         &self,
         image: &ImageView<'_, T>,
         window: &BevGrid,
-        tile: Tile<'_, T>,
+        mut tile: Tile<'_, T>,
         at: (usize, usize),
         threads: Option<usize>,
     ) -> Result<usize> {
-        let (rows, columns, side, kept) = (window.rows(), window.columns(), tile.side, tile.kept);
-        let channels = kept.channels;
-        if image.channels() != channels {
-            return Err(Error::Mosaic(MosaicError::Channels { expected: channels, got: image.channels() }));
-        }
-        if at.0 + rows > side || at.1 + columns > side {
-            return Err(Error::Mosaic(MosaicError::Window { side, rows, columns, at }));
-        }
-        let lut = self.table(window)?;
-        let options = WarpOptions { interpolation: Interpolation::Area, threads, ..WarpOptions::default() };
-        let values = if kept.labels {
-            let mut values = buffer::filled(WHAT, rows * columns * channels, T::default())?;
-            let out = ImageViewMut::new(&mut values, (columns, rows), channels)?;
-            lut.warp_many_mode_into(&[*image], &mut [out], &options)?;
-            values
-        } else {
-            lut.warp(image, &options)?
-        };
-        let threads = Work::bytes(rows * columns * (24 + (32 + 4 * kept.samples) * channels)).threads(threads)?;
-        let band_rows = parallel::rows_per_band(rows, columns, threads);
-        let mut bands = buffer::reserved(WHAT, rows.div_ceil(band_rows))?;
-        let (_, mut left) = tile.layers.split(at.0 * side, kept);
-        for first in (0..rows).step_by(band_rows) {
-            let count = band_rows.min(rows - first);
-            let (layers, below) = left.split(count * side, kept);
-            bands.push(Band { layers, rows: first..first + count, counted: 0 });
-            left = below;
-        }
-        let whole = ((self.weight * f64::from(WHOLE)).round() as u32).clamp(1, WHOLE);
-        let id = 1 + self.id % ((1 << ID_BITS) - 1); // 0 is of no frame
-        let weights = Weights::new(whole)?;
-        let mut y_squared = buffer::reserved(WHAT, columns)?;
-        y_squared.extend((0..columns).map(|column| (window.y_of_column(column as f64) - self.from[1]).powi(2)));
-        let shared = Shared {
-            frame: self,
-            lut: &lut,
-            window,
-            values: &values,
-            kept,
-            side,
-            column: at.1,
-            weights: &weights,
-            y_squared: &y_squared,
-            id,
-        };
-        parallel::for_each(threads, bands.iter_mut(), |band: &mut Band<'_, T>| band.add(&shared))?;
-        Ok(bands.iter().map(|band| band.counted).sum())
-    }
-}
-
-/// What all bands of a window need.
-struct Shared<'a, T> {
-    frame: &'a Frame<'a>,
-    lut: &'a Lut,
-    window: &'a BevGrid,
-    values: &'a [T],
-    kept: Kept,
-    side: usize,
-    column: usize,
-    weights: &'a Weights,
-    /// Of each column, how far it is away along y.
-    y_squared: &'a [f64],
-    id: u32,
-}
-
-/// Some rows of a window, and the tile's layers there.
-struct Band<'a, T> {
-    layers: Layers<'a, T>,
-    rows: std::ops::Range<usize>,
-    counted: usize,
-}
-
-impl<T: Value> Band<'_, T> {
-    fn add(&mut self, shared: &Shared<'_, T>) -> Result<()> {
-        let &Shared { frame, lut, window, values, kept, side, column, weights, y_squared, id } = shared;
-        let (isa, columns) = (Isa::active()?, window.columns());
-        let mut resolution = Resolution::of(lut)?;
-        let mut resolutions = buffer::zeroed::<f32>(WHAT, columns)?;
-        let mut scratch = Scratch::new(columns)?;
-        for (below, row) in self.rows.clone().enumerate() {
-            let x = window.x_of_row(row as f64) - frame.from[0];
-            for span in lut.table().row(row).filter(|span| span.kind.is_valid()) {
-                let cells = span.first..span.first + span.cells;
-                let resolutions = &mut resolutions[..span.cells];
-                resolution.read(row, cells.clone(), resolutions)?;
-                let first = below * side + column + span.first;
-                let numbers =
-                    (row * columns + cells.start) * kept.channels..(row * columns + cells.end) * kept.channels;
-                self.counted += Cells {
-                    layers: self.layers.cells(first..first + span.cells, kept),
-                    kept,
-                    values: &values[numbers],
-                    resolutions,
-                    x_squared: x * x,
-                    y_squared: &y_squared[cells],
-                    distance: frame.distance,
-                    weights,
-                    id,
-                    scratch: &mut scratch,
-                }
-                .add(isa);
-            }
-        }
-        Ok(())
+        let contribution = self.contribution(image, window, at, tile.kept.labels, threads)?;
+        tile.add(std::slice::from_ref(&contribution), threads)?;
+        Ok(contribution.counted())
     }
 }

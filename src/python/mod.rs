@@ -93,7 +93,7 @@ mod core_module {
     #[pymodule_export]
     use super::lut_file::checksum;
     #[pymodule_export]
-    use super::mosaic::{mosaic_add, mosaic_merge, mosaic_sees, mosaic_shows};
+    use super::mosaic::{mosaic_add, mosaic_merge, mosaic_shown, mosaic_shows, mosaic_windows};
     #[pymodule_export]
     use super::raster::rasterize;
     #[pymodule_export]

@@ -1,21 +1,22 @@
 //! What `ipm_rs.Mosaic` calls for each frame and tile; Python owns the tiles' arrays, their files and which there are.
 
 use numpy::{
-    Element, PyArray1, PyArray2, PyArrayDescrMethods, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn,
+    Element, PyArray1, PyArray2, PyArrayDescrMethods, PyArrayDyn, PyArrayMethods, PyReadonlyArray1, PyReadonlyArrayDyn,
     PyReadwriteArrayDyn,
 };
 use pyo3::prelude::*;
+use pyo3::types::PyList;
 
 use super::camera::PyCamera;
 use super::detached;
-use super::error::classes::ImageError;
 use super::grid::PyBevGrid;
 use super::ground::road;
 use super::image::ImageArray;
 use super::layout::Layout;
 use super::shared;
 use crate::Ground;
-use crate::mosaic::{Frame, Kept, Layers, Tile, Value};
+use crate::ImageView;
+use crate::mosaic::{Contribution, Frame, Kept, Layers, Tile, Value};
 
 /// The arrays of a tile: weights, totals, counts, sums, squares, resolutions, bests, keys, samples.
 type Arrays<'py> = (
@@ -49,18 +50,16 @@ impl Placed<'_> {
     }
 }
 
-/// Which cells of a coarse grid a frame sees well enough.
-#[pyfunction(name = "_mosaic_sees")]
-pub(super) fn mosaic_sees<'py>(
-    py: Python<'py>,
-    placed: Placed<'py>,
-    coarse: PyRef<'py, PyBevGrid>,
-    finer: f64,
-) -> PyResult<Bound<'py, PyArray2<bool>>> {
+/// A window of a tile: the tile's key, the first row and column in it, and the cells.
+type Part = ((i64, i64), (usize, usize), PyBevGrid);
+
+/// The windows of tiles that a frame sees well.
+#[pyfunction(name = "_mosaic_windows")]
+pub(super) fn mosaic_windows(py: Python<'_>, placed: Placed<'_>, resolution: f64, side: usize) -> PyResult<Vec<Part>> {
     let ground = road(Some(&placed.ground))?;
-    let (frame, grid) = (placed.frame(&ground), &coarse.grid);
-    let seen = detached::run(py, || frame.sees(grid, finer))?;
-    PyArray1::from_vec(py, seen).reshape([grid.rows(), grid.columns()])
+    let frame = placed.frame(&ground);
+    let found = detached::run(py, || frame.windows(resolution, side))?;
+    Ok(found.into_iter().map(|window| (window.tile, window.at, PyBevGrid { grid: window.grid })).collect())
 }
 
 /// What a frame shows of a window, and which cells it resolves with at least so many pixels.
@@ -89,49 +88,70 @@ pub(super) fn mosaic_shows<'py>(
     Ok((values, PyArray1::from_vec(py, seen).reshape(shape)?))
 }
 
-/// Adds a frame to a window of a tile; of `labels` the most frequent one of each cell.
-#[pyfunction(name = "_mosaic_add")]
-pub(super) fn mosaic_add<'py>(
+/// What a frame shows of a window of a tile: where the window begins, values, resolutions, weight and id.
+type Shown<'py> = ((usize, usize), Bound<'py, PyAny>, Bound<'py, PyArray2<u16>>, u32, u32);
+
+/// What a frame shows of a window whose first cell is a tile's cell `at`, of `labels` the most frequent one of each cell;
+/// and how many cells count.
+#[pyfunction(name = "_mosaic_shown")]
+pub(super) fn mosaic_shown<'py>(
     placed: Placed<'py>,
     image: &Bound<'py, PyAny>,
     window: PyRef<'py, PyBevGrid>,
-    tile: Arrays<'py>,
     at: (usize, usize),
     labels: bool,
     threads: Option<usize>,
-) -> PyResult<usize> {
+) -> PyResult<(usize, Shown<'py>)> {
+    fn run<'py, T: Value + Element>(
+        py: Python<'py>,
+        image: &ImageArray<'py>,
+        look: impl FnOnce(&ImageView<'_, T>) -> crate::Result<Contribution<'static, T>> + Send,
+    ) -> PyResult<(usize, Shown<'py>)> {
+        let read = image.read()?;
+        let view = read.views::<T>()?.swap_remove(0);
+        let (counted, found) = detached::run(py, || {
+            let found = look(&view)?;
+            Ok((found.counted(), found))
+        })?;
+        let shape = [found.resolutions.len() / found.columns, found.columns];
+        let values = PyArray1::from_vec(py, found.values.into_owned()).into_any();
+        let resolutions = PyArray1::from_vec(py, found.resolutions.into_owned()).reshape(shape)?;
+        Ok((counted, (found.at, values, resolutions, found.weight, found.id)))
+    }
     let ground = road(Some(&placed.ground))?;
     let image = ImageArray::new("image", shared::array("image", image, false)?, Layout::Hwc)?;
-    let call = Call { frame: placed.frame(&ground), image, window: &window, at, labels, threads };
-    match tile.6.cast::<PyArrayDyn<u8>>().is_ok() {
-        true => call.run::<u8>(tile),
-        false => call.run::<u16>(tile),
+    let (frame, grid, py) = (placed.frame(&ground), &window.grid, window.py());
+    match image.dtype().itemsize() {
+        1 => run::<u8>(py, &image, |view| frame.contribution(view, grid, at, labels, threads)),
+        _ => run::<u16>(py, &image, |view| frame.contribution(view, grid, at, labels, threads)),
     }
 }
 
-struct Call<'a, 'py> {
-    frame: Frame<'a>,
-    image: ImageArray<'py>,
-    window: &'a PyBevGrid,
-    at: (usize, usize),
-    labels: bool,
-    threads: Option<usize>,
-}
-
-impl<'py> Call<'_, 'py> {
-    fn run<T: Value + Element>(self, tile: Arrays<'py>) -> PyResult<usize> {
+/// Adds to a tile what frames show of it, and empties their list. It is not interrupted, so that no frame is added by half.
+#[pyfunction(name = "_mosaic_add")]
+pub(super) fn mosaic_add<'py>(tile: Arrays<'py>, waiting: &Bound<'py, PyList>, threads: Option<usize>) -> PyResult<()> {
+    fn run<'py, T: Value + Element>(tile: Arrays<'py>, shown: &[Shown<'py>], threads: Option<usize>) -> PyResult<()> {
         let py = tile.6.py();
-        if self.image.dtype().itemsize() != size_of::<T>() || self.image.dtype().kind() != b'u' {
-            return Err(ImageError::new_err("image: expected the dtype of the tile"));
-        }
         let mut arrays = Numbers::<T>::of(tile)?;
-        let kept = Kept { channels: self.image.channels(), samples: arrays.samples_a_cell(), labels: self.labels };
-        let tile = arrays.tile(kept)?;
-        let read = self.image.read()?;
-        let view = read.views::<T>()?.swap_remove(0);
-        let (frame, grid, at, threads) = (self.frame, &self.window.grid, self.at, self.threads);
-        detached::run(py, || frame.add(&view, grid, tile, at, threads))
+        let kept = arrays.kept();
+        let mut tile = arrays.tile(kept)?;
+        let values = shown.iter().map(|one| one.1.extract()).collect::<PyResult<Vec<PyReadonlyArray1<'_, T>>>>()?;
+        let resolutions = shown.iter().map(|one| one.2.readonly()).collect::<Vec<_>>();
+        let layers = values.iter().zip(&resolutions);
+        let contributions = shown.iter().zip(layers).map(|((at, _, _, weight, id), (values, resolutions))| {
+            let columns = resolutions.as_array().ncols();
+            let (values, resolutions) = (values.as_slice()?.into(), resolutions.as_slice()?.into());
+            Ok(Contribution { at: *at, columns, values, resolutions, weight: *weight, id: *id })
+        });
+        let contributions = contributions.collect::<PyResult<Vec<_>>>()?;
+        Ok(py.detach(|| tile.add(&contributions, threads))?)
     }
+    let shown = waiting.extract::<Vec<Shown<'py>>>()?;
+    match tile.6.cast::<PyArrayDyn<u8>>().is_ok() {
+        true => run::<u8>(tile, &shown, threads)?,
+        false => run::<u16>(tile, &shown, threads)?,
+    }
+    waiting.set_slice(0, waiting.len(), &PyList::empty(waiting.py()))
 }
 
 /// Keeps the best of a tile's samples and of another's.
@@ -147,8 +167,7 @@ pub(super) fn mosaic_merge<'py>(
         samples: &Bound<'py, PyAny>,
     ) -> PyResult<()> {
         let mut arrays = Numbers::<T>::of(tile)?;
-        let channels = arrays.bests.as_array().shape()[2];
-        let kept = Kept { channels, samples: arrays.samples_a_cell(), labels: arrays.totals.as_array().is_empty() };
+        let kept = arrays.kept();
         let samples: PyReadonlyArrayDyn<'_, T> = samples.extract()?;
         Ok(arrays.tile(kept)?.merge_samples(keys.as_slice()?, samples.as_slice()?)?)
     }
@@ -177,8 +196,11 @@ impl<'py, T: Value + Element> Numbers<'py, T> {
         Ok(Self { weights, totals, counts, sums, squares, resolutions, bests, keys, samples })
     }
 
-    fn samples_a_cell(&self) -> usize {
-        self.keys.as_array().shape().last().copied().unwrap_or(0)
+    fn kept(&self) -> Kept {
+        let numbers = |shape: &[usize]| shape.last().copied().unwrap_or(0);
+        let channels = numbers(self.bests.as_array().shape());
+        let samples = numbers(self.keys.as_array().shape());
+        Kept { channels, samples, labels: self.totals.as_array().is_empty() }
     }
 
     fn tile(&mut self, kept: Kept) -> PyResult<Tile<'_, T>> {

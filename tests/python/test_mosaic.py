@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+import pickle
 
 import numpy as np
 import pytest
@@ -246,6 +247,31 @@ def test_no_more_frames_than_the_sums_hold(monkeypatch, frames):
         mosaic.merge(mosaic_of(frames[:1]))
     for name, layer in everything(mosaic).items():
         np.testing.assert_array_equal(layer, before[name])
+
+
+def test_a_map_is_not_merged_into_itself(frames):
+    mosaic = mosaic_of(frames[:1])
+    before = everything(mosaic)
+    with pytest.raises(ipm_rs.MosaicError, match="this one"):
+        mosaic.merge(mosaic)
+    for name, layer in everything(mosaic).items():
+        np.testing.assert_array_equal(layer, before[name])
+
+
+def test_frames_wait_for_their_tile_and_it_does_not_matter(frames):
+    """Read after every frame, pickled in between, or neither: the same map."""
+    at_once, looked_at, sent = (ipm_rs.Mosaic(0.1, tile=64) for _ in range(3))
+    waited = 0
+    for image, pose in frames:
+        for mosaic in (at_once, looked_at, sent):
+            mosaic.add(camera(), image, map_from_vehicle=pose, distance=(0, 12))
+        waited = max(waited, max(len(tile._shown) for tile in at_once._tiles._loaded.values()))
+        everything(looked_at)
+        assert not any(tile._shown for tile in looked_at._tiles._loaded.values())
+        sent = pickle.loads(pickle.dumps(sent))
+    assert waited > 1
+    for other in (looked_at, sent):
+        assert_same(at_once, other)
 
 
 IMAGE = np.zeros((HEIGHT, WIDTH), np.uint8)

@@ -94,23 +94,39 @@ def test_what_was_not_committed_is_as_if_it_had_not_been(tmp_path, whole):
         assert_same(whole, again)
 
 
-def test_an_interrupted_frame_is_not_committed(tmp_path, monkeypatch, whole):
-    from ipm_rs.mosaic import _adding
-
-    added = _adding._mosaic_add
+def interrupted(function, at):
+    """The function, interrupted when it is called for the `at`-th time."""
     calls = itertools.count()
 
-    def interrupted(*args):
-        if next(calls) == 20:
+    def wrapped(*arguments):
+        if next(calls) == at:
             raise KeyboardInterrupt
-        return added(*args)
+        return function(*arguments)
 
-    monkeypatch.setattr(_adding, "_mosaic_add", interrupted)
+    return wrapped
+
+
+def test_a_frame_interrupted_while_it_is_looked_at_leaves_the_map_whole(tmp_path, monkeypatch, whole):
+    from ipm_rs.mosaic import _adding
+
+    with on_disk(tmp_path) as mosaic:
+        with monkeypatch.context() as patch:
+            patch.setattr(_adding, "_mosaic_shown", interrupted(_adding._mosaic_shown, 20))
+            with pytest.raises(KeyboardInterrupt):
+                add(mosaic, range(LENGTH))
+        assert 0 < mosaic.frames < LENGTH
+        add(mosaic, range(LENGTH))
+        assert_same(whole, mosaic)
+
+
+def test_an_interrupted_frame_is_not_committed(tmp_path, monkeypatch, whole):
+    from ipm_rs.mosaic import _tiles
+
+    monkeypatch.setattr(_tiles.Tile, "add", interrupted(_tiles.Tile.add, 20))
     with pytest.raises(KeyboardInterrupt), on_disk(tmp_path) as mosaic:
         add(mosaic, range(3))
         mosaic.commit()
         add(mosaic, range(3, LENGTH))
-    assert next(calls) > 20
     with on_disk(tmp_path) as again:
         assert again.frames == 3
         add(again, range(LENGTH))

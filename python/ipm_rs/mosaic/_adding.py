@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ipm_rs._arguments import number_of
-from ipm_rs._core import Camera, HeightMap, Plane, _mosaic_add
+from ipm_rs._core import Camera, HeightMap, Plane, _mosaic_shown
 from ipm_rs.errors import ArgumentError, ArgumentTypeError, CalibrationWarning, MosaicError
 from ipm_rs.mosaic._checks import each_of, whole_of
 from ipm_rs.mosaic._exposure import gain_of
@@ -127,7 +127,7 @@ class Addable(Readable):
         self._watch(pose)
         array = pictures[0].image
         kind = self._kind or self._kind_of(1 if array.ndim == 2 else array.shape[2], array.dtype)
-        plan = [(picture.image, frame, list(windows(frame, self._resolution, self._side))) for picture, frame in shown]
+        plan = [(picture.image, frame, windows(frame, self._resolution, self._side)) for picture, frame in shown]
         for key in {window.key for _, _, parts in plan for window in parts}:
             kind.check_room(self._tiles.frames(key) + len(plan))
         self._kind = kind
@@ -177,7 +177,7 @@ class Addable(Readable):
         found = {}
         for picture in checked_pictures(camera, image, mask, self._wanted(), 1.0):
             frame = placed(picture.camera, pose, road, limits, 1.0)
-            parts = () if self._kind is None else windows(frame, self._resolution, self._side)
+            parts = [] if self._kind is None else windows(frame, self._resolution, self._side)
             kind = self._kind or self._kind_of(1, np.dtype(np.uint8))
             found[picture.name] = gain_of(self._tiles, kind, picture.image, frame, parts, threads)
         return found[""] if isinstance(camera, Camera) else found
@@ -244,19 +244,23 @@ class Addable(Readable):
         """Add placed pictures to windows of tiles, all checked; returns how many cells were seen."""
         image = plan[0][0]
         kind = self._kind = self._kind or self._kind_of(1 if image.ndim == 2 else image.shape[2], image.dtype)
-        self._broken, cells = True, 0
-        for picture, frame, parts in plan:
-            for window in parts:
-                kept = self._tiles.get(window.key, kind)
-                tile = kind.empty() if kept is None else kept
-                seen = _mosaic_add(frame, picture, window.grid, tile.arrays, window.at, kind.labels, threads)
-                if seen:
-                    tile.changed(1)
-                    if kept is None:
-                        self._tiles.put(window.key, tile, kind)
-                cells += seen
+        found = [
+            (window.key, *_mosaic_shown(frame, picture, window.grid, window.at, kind.labels, threads))
+            for picture, frame, parts in plan
+            for window in parts
+        ]
+        shown = [(key, part) for key, seen, part in found if seen]
+        for key, _ in shown:
+            self._tiles.get(key, kind)  # one that cannot be read is found out here: nothing has been added yet
+        self._broken = True
+        for key, part in shown:
+            tile = self._tiles.get(key, kind)
+            if tile is None:
+                tile = kind.empty()
+                self._tiles.put(key, tile, kind)
+            tile.add(part, threads)
         self._broken = False
-        return cells
+        return sum(seen for _, seen, _ in found)
 
     def _kind_of(self, channels: int, dtype: np.dtype[Any]) -> Kind:
         return Kind(self._side, channels, dtype, self._samples, self._labels)

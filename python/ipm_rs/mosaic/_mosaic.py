@@ -201,11 +201,13 @@ class Mosaic(Addable):
         Raises
         ------
         MosaicError
-            It has another resolution, tile size, dtype or number of channels, or keeps something else; nothing has been
-            added then.
+            It has another resolution, tile size, dtype or number of channels, or keeps something else, or it is this
+            map; nothing has been added then.
         """
         if not isinstance(other, Mosaic):
             raise ArgumentTypeError(f"other: expected an ipm_rs.Mosaic, got {type(other).__name__}")
+        if other is self:
+            raise MosaicError("other: expected another map, got this one, whose frames would be added twice")
         self._check_whole()
         other._check_whole()
         if (self._resolution, self._side) != (other._resolution, other._side):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ipm_rs._arguments import array_of, number_of
-from ipm_rs._core import BevGrid, Camera, HeightMap, Plane, _mosaic_sees
+from ipm_rs._core import BevGrid, Camera, HeightMap, Plane, _mosaic_windows
 from ipm_rs.errors import ArgumentError, ArgumentTypeError, CalibrationError
 from ipm_rs.mosaic._tiles import TileKey
 from ipm_rs.trajectory._trajectory import poses_of
@@ -20,9 +19,6 @@ __all__ = ["Placed", "Window", "distance_of", "ground_in_map", "placed", "pose_o
 
 FARTHEST_OUT = 1e7
 """Metres from the map's origin: UTM's northings fit, and a cell of 1 mm is still told from the next in float64."""
-
-COARSEST = 16.0
-"""Cells to a pixel from which on a frame does not count, as in `src/mosaic/accumulate.rs`."""
 
 Ground = float | Plane | HeightMap
 
@@ -117,37 +113,9 @@ def height_at(ground: Ground, xy: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.full(len(xy), ground) if isinstance(ground, float) else ground.height_at(xy)
 
 
-def windows(frame: Placed, resolution: float, side: int) -> Iterator[Window]:
-    """Yield the windows that hold all cells that a frame sees well, tile by tile.
-
-    A coarse table says where they are. A part of the picture that is smaller than one of its cells, and touches none
-    that is seen, is left out.
-    """
-    x, y, _ = frame.camera.position
-    reach = min(_reach(frame, resolution), frame.distance[1] + math.hypot(x - frame.at[0], y - frame.at[1]))
-    step = 8
-    while step < 64 and reach > 64 * step * resolution:
-        step *= 2
-    unit = step * resolution
-    (low_x, high_x), (low_y, high_y) = (
-        (math.floor((at - reach) / unit) - 1, math.ceil((at + reach) / unit) + 1) for at in (x, y)
-    )
-    grid = BevGrid(x=(low_x * unit, high_x * unit), y=(low_y * unit, high_y * unit), resolution=unit)
-    seen = _grown(_mosaic_sees(frame, grid, step))[::-1, ::-1]  # now both axes grow
-    of_tile = side // step
-    for i in range(low_x // of_tile, (high_x - 1) // of_tile + 1):
-        for j in range(low_y // of_tile, (high_y - 1) // of_tile + 1):
-            first_x, first_y = max(low_x, i * of_tile), max(low_y, j * of_tile)
-            part = seen[first_x - low_x : (i + 1) * of_tile - low_x, first_y - low_y : (j + 1) * of_tile - low_y]
-            rows, columns = np.flatnonzero(part.any(1)), np.flatnonzero(part.any(0))
-            if len(rows) == 0:
-                continue
-            begin_x, end_x = first_x + int(rows[0]), first_x + int(rows[-1]) + 1
-            begin_y, end_y = first_y + int(columns[0]), first_y + int(columns[-1]) + 1
-            at = (((i + 1) * of_tile - end_x) * step, ((j + 1) * of_tile - end_y) * step)
-            yield Window(
-                (i, j), at, cells_grid((begin_x * step, end_x * step), (begin_y * step, end_y * step), resolution)
-            )
+def windows(frame: Placed, resolution: float, side: int) -> list[Window]:
+    """Return the windows that hold all cells that a frame sees well, tile by tile."""
+    return [Window(*found) for found in _mosaic_windows(frame, resolution, side)]
 
 
 def cells_grid(x: tuple[int, int], y: tuple[int, int], resolution: float) -> BevGrid:
@@ -155,27 +123,3 @@ def cells_grid(x: tuple[int, int], y: tuple[int, int], resolution: float) -> Bev
     return BevGrid(
         x=(x[0] * resolution, x[1] * resolution), y=(y[0] * resolution, y[1] * resolution), resolution=resolution
     )
-
-
-def _reach(frame: Placed, resolution: float) -> float:
-    """Metres from the camera beyond which a level road is seen too coarsely, generously.
-
-    From a height h a pixel of 1/f covers r^2 / (h f) of the road ahead at a distance r. Slopes, and lenses that magnify
-    at their rims, are why it is half as much again.
-    """
-    x, y, z = frame.camera.position
-    height = z - float(height_at(frame.ground, np.array([[x, y]]))[0])
-    height = height if math.isfinite(height) else 2.0
-    focal = float(max(frame.camera.intrinsics[0, 0], frame.camera.intrinsics[1, 1]))
-    return min(1.5 * math.sqrt(height * focal * resolution * COARSEST) + height, 512 * 64 * resolution)
-
-
-def _grown(seen: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return them with their neighbours."""
-    grown = seen.copy()
-    grown[1:] |= seen[:-1]
-    grown[:-1] |= seen[1:]
-    wide = grown.copy()
-    wide[:, 1:] |= grown[:, :-1]
-    wide[:, :-1] |= grown[:, 1:]
-    return wide

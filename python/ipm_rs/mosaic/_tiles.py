@@ -8,10 +8,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ipm_rs._core import _mosaic_merge
+from ipm_rs._core import _mosaic_add, _mosaic_merge
 from ipm_rs.errors import MosaicError
 
-__all__ = ["Arrays", "Kind", "Tile", "TileKey"]
+__all__ = ["Arrays", "Kind", "Shown", "Tile", "TileKey"]
 
 TileKey = tuple[int, int]
 """Tile (i, j) spans x from i * side cells on, and y from j * side cells on."""
@@ -81,21 +81,63 @@ class Kind:
 
     @property
     def nbytes(self) -> int:
-        """Bytes of a tile."""
-        return sum(int(np.prod(shape)) * np.dtype(dtype).itemsize for shape, dtype in self.shapes().values())
+        """Bytes of a tile, with those of what waits for being added."""
+        layers = sum(int(np.prod(shape)) * np.dtype(dtype).itemsize for shape, dtype in self.shapes().values())
+        return layers + layers // _WAITING
 
 
-@dataclass
+Shown = tuple[tuple[int, int], NDArray[Any], NDArray[np.uint16], int, int]
+"""What a frame shows of a tile, as the core gives and takes it.
+
+Where its window begins, values, resolutions, weight, id."""
+
+_WAITING = 8
+"""What waits takes up to 1/8 of what the tile's layers do, and one frame's part: at 5 cm some ten frames.
+
+A grey cell has 39 bytes of sums, which are read and written for 3 of a frame's. Where eight frames share that, adding
+takes 5 ns a cell instead of 14, of colour 9 instead of 25."""
+
+
 class Tile:
     """A tile's layers, how many frames were added, and whether they differ from what is stored.
 
-    `refined` is the picture that `Mosaic.refine` made of them, until something is added.
+    `refined` is the picture that `Mosaic.refine` made of them, until something is added. What frames show waits until
+    there is enough of it, or until `arrays` is asked for.
     """
 
-    arrays: Arrays
-    frames: int = 0
-    dirty: bool = False
-    refined: NDArray[Any] | None = None
+    def __init__(self, arrays: Arrays) -> None:
+        self._arrays = arrays
+        self._shown: list[Shown] = []
+        self._waiting = 0
+        self._most = sum(layer.nbytes for layer in arrays) // _WAITING
+        self.frames = 0
+        self.dirty = False
+        self.refined: NDArray[Any] | None = None
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what is pickled: another process may have the layers read-only, so nothing may wait."""
+        self._settle(None)
+        return self.__dict__
+
+    @property
+    def arrays(self) -> Arrays:
+        """The layers, with all that was added."""
+        self._settle(None)
+        return self._arrays
+
+    def add(self, shown: Shown, threads: int | None) -> None:
+        """Add what a frame shows, now or later."""
+        self._shown.append(shown)
+        self._waiting += shown[1].nbytes + shown[2].nbytes
+        self.changed(1)
+        if self._waiting > self._most:
+            self._settle(threads)
+
+    def _settle(self, threads: int | None) -> None:
+        if self._shown:
+            # which empties the list: whatever interrupts this, nothing is added twice or lost
+            _mosaic_add(self._arrays, self._shown, threads)
+        self._waiting = 0
 
     def changed(self, frames: int) -> None:
         """Note that so many frames were added."""
