@@ -5,8 +5,8 @@
     .venv/bin/python scripts/try_mosaic.py ring pinhole6 [--seeds 2]
     .venv/bin/python scripts/try_mosaic.py kitti --path FOLDER [--picture map.png]
     .venv/bin/python scripts/try_mosaic.py kills [--times 20]
+    .venv/bin/python scripts/try_mosaic.py ray
     .venv/bin/python scripts/try_mosaic.py long [--frames 5000] [--step 1.0]
-    .venv/bin/python scripts/try_mosaic.py speed
     .venv/bin/python scripts/try_mosaic.py city [--frames 1000000]
 
 `sharp` maps a painted road from a drive along a bend and compares every view with the road averaged over each cell:
@@ -14,32 +14,34 @@
 (standard deviation), which the poses do not know and `refine.from_drive(per_frame=True)` has to find.
 `ring` maps the same road with a ring of cameras and measures how far the map steps where another camera is the best.
 `kitti` maps a folder with `image_l/*.png`, `calib.txt` and `poses.txt` of a sequence of KITTI's odometry, after
-`refine.from_drive`. `kills` ends a run at random moments and starts it again. `long` tells milliseconds a frame and the
-memory of the process as a drive goes on. `speed` adds a grey frame of KITTI's size beside the warp of the same cells
-and beside OpenCV, and six pictures of nuScenes' size. `city` measures the stages of a run and says what they are for a
-city.
+`refine.from_drive`. `kills` ends a run at random moments and starts it again. `ray` (extra ``ray``) maps a drive on
+clusters of one, two and four workers, and on one that loses a worker, and compares with one process. `long` tells
+milliseconds a frame and the memory of the process as a drive goes on. `city` measures the stages of a run and says what
+they are for a city.
 """
 
 from __future__ import annotations
 
 import argparse
 import io
+import os
 import signal
 import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 from PIL import Image
 from process_memory import resident
+from try_ray import workers_of_mine
 from try_refine import Road, photographed, ring_of
 
 import ipm_rs
 from ipm_rs import refine
-from ipm_rs.mosaic._placing import placed, windows
 
 X, Y = (8.0, 26.0), (-4.0, 6.0)
 
@@ -237,6 +239,55 @@ def kills(args: argparse.Namespace) -> None:
     print(f"the map is the one of a run without a break, to the last bit, of {frames} frames and {len(names)} layers")
 
 
+def ray(args: argparse.Namespace) -> None:
+    """Map a drive on clusters."""
+    import ray
+
+    frames, names = (
+        min(args.frames, 200),
+        ("weighted", "best", "mean", "robust", "feathered", "std", "count", "density"),
+    )
+    whole = add_noise(None, frames).layers(names=names)
+
+    def shown() -> Iterator[tuple[ipm_rs.Camera, Callable[[], np.ndarray], np.ndarray, str]]:
+        for number in range(frames):
+            camera, picture, pose = noise_frame(number)
+            yield camera, partial(late, picture), pose, f"{number:06d}"
+
+    for workers, lost in ((1, False), (2, False), (4, False), (2, True)):
+        ray.init(num_cpus=workers, include_dashboard=False, log_to_driver=False, logging_level="ERROR")
+        mosaic, killer = ipm_rs.Mosaic(0.1, tile=64, samples=4), Killer(frames // 3 if lost else frames + 1)
+        begin = time.perf_counter()
+        added = ipm_rs.ray.mosaic(shown(), mosaic, distance=(1, 12), stretch=5, report=killer.report)
+        took = time.perf_counter() - begin
+        found = mosaic.layers(names=names)
+        assert added == mosaic.frames == frames and bool(killer.killed) == lost
+        assert all((whole[name] == found[name]).all() for name in names)
+        what = f"{workers} worker{'s' * (workers > 1)}{', one killed in the middle' * lost}"
+        print(f"{what}: {frames} frames in {took:.1f} s, {len(names)} layers equal those of one process", flush=True)
+        ray.shutdown()
+
+
+class Killer:
+    """Kills a worker, once, when so many frames are merged."""
+
+    def __init__(self, after: int) -> None:
+        self.left, self.killed = after, 0
+
+    def report(self, count: int, _: list[ipm_rs.IpmError]) -> None:
+        """Note a stretch that is merged."""
+        self.left -= count
+        if self.left <= 0 and not self.killed:
+            self.killed = workers_of_mine("_added")[0]
+            os.kill(self.killed, signal.SIGKILL)
+
+
+def late(picture: np.ndarray) -> np.ndarray:
+    """Return a picture as a slow disk does."""
+    time.sleep(0.05)
+    return picture
+
+
 def kitti_frame() -> tuple[ipm_rs.Camera, np.ndarray]:
     """Return a camera and a grey picture of the size of KITTI's."""
     camera = ipm_rs.Camera.from_euler(
@@ -277,109 +328,6 @@ def cheapest(work: Callable[[], object], times: int) -> float:
         work()
         spent.append(time.process_time() - begin)
     return 1e3 * min(spent)
-
-
-def speed(args: argparse.Namespace) -> None:
-    """Time frames beside what else could be done with them."""
-    ipm_rs.set_num_threads(1)
-    camera, picture = kitti_frame()
-    pose = bend(9)
-    limits = (4.0, 20.0)
-    mosaic = ipm_rs.Mosaic(0.05)
-
-    def add() -> int:
-        return mosaic.add(camera, picture, map_from_vehicle=pose, distance=limits)
-
-    cells = add()
-    frame = placed(camera, pose, 0.0, limits, 1.0)
-    parts = [window.grid for window in windows(frame, 0.05, 512)]
-    tables = [ipm_rs.Lut(frame.camera, grid) for grid in parts]
-    kinds: dict[str, Callable[[], object]] = {
-        "add": add,
-        "area warp of the same windows, tables ready": lambda: [
-            one.warp(picture, interpolation="area") for one in tables
-        ],
-        "tables": lambda: [ipm_rs.Lut(frame.camera, grid) for grid in parts],
-        "windows": lambda: list(windows(frame, 0.05, 512)),
-    }
-    try:
-        import cv2
-    except ImportError:
-        print("OpenCV is not installed: left out")
-    else:
-        cv2.setNumThreads(1)
-        sums = [(np.zeros(grid.shape, np.float32), np.zeros(grid.shape, np.float32)) for grid in parts]
-        K, T = camera.intrinsics, frame.camera.camera_from_vehicle
-
-        def by_opencv() -> None:
-            for (total, weight), grid in zip(sums, parts, strict=True):
-                # a homography from cells to pixels: what is seen of the level road, by cv2.warpPerspective's way
-                size = grid.resolution[0]
-                to_map = np.array(
-                    [[0, -size, grid.x[1] - size / 2], [-size, 0, grid.y[1] - size / 2], [0, 0, 0], [0, 0, 1]]
-                )
-                rows, columns = grid.shape
-                H = K @ T[:3] @ to_map
-                u, v = np.meshgrid(np.arange(columns, dtype=np.float32), np.arange(rows, dtype=np.float32))
-                x, y, w = (H[i, 0] * u + H[i, 1] * v + H[i, 2] for i in range(3))
-                w = np.where(w > 0.1, w, np.nan)
-                map_x, map_y = (x / w).astype(np.float32), (y / w).astype(np.float32)
-                view = cv2.remap(picture, map_x, map_y, cv2.INTER_LINEAR).astype(np.float32)
-                inside = (map_x >= 0) & (map_x <= 1225) & (map_y >= 0) & (map_y <= 369)
-                counts = inside.astype(np.float32)
-                cv2.accumulateProduct(view, counts, total)
-                cv2.accumulate(counts, weight)
-
-        maps = [table.maps(outside=-9) for table in tables]
-        shown = [np.asarray(table.mask, np.float32) for table in tables]
-
-        def by_opencv_with_maps() -> None:
-            for (total, weight), (map_x, map_y), counts in zip(sums, maps, shown, strict=True):
-                view = cv2.remap(picture, map_x, map_y, cv2.INTER_LINEAR).astype(np.float32)
-                cv2.accumulateProduct(view, counts, total)
-                cv2.accumulate(counts, weight)
-
-        kinds["OpenCV: maps, remap, float accumulate"] = by_opencv
-        kinds["OpenCV with maps ready (of a camera that does not move)"] = by_opencv_with_maps
-    least = dict.fromkeys(kinds, np.inf)
-    for _ in range(args.rounds):  # in turns, so that all meet the same machine
-        for name, work in kinds.items():
-            least[name] = min(least[name], cheapest(work, 5))
-    print(
-        f"grey 1226 x 370, 5 cm, 4 to 20 m: {cells} cells counted of {sum(np.prod(g.shape) for g in parts)} in windows"
-    )
-    for name, took in least.items():
-        print(f"  {took:7.2f} ms  {took / least['add']:5.2f} of add  {name}")
-    rig, images = nuscenes_like()
-    coloured = ipm_rs.Mosaic(0.05)
-    took = min(
-        cheapest(lambda: coloured.add(rig, images, map_from_vehicle=pose, distance=(0, 15)), 1) for _ in range(6)
-    )
-    print(f"six pictures of 1600 x 900 in colour, 5 cm, to 15 m: {took:.1f} ms, {1000 / took:.1f} sets a second")
-
-
-def nuscenes_like() -> tuple[ipm_rs.Rig, dict[str, np.ndarray]]:
-    """Return a rig and coloured pictures of the size of nuScenes'."""
-    angles = {"front": 0, "front_left": 55, "front_right": -55, "back": 180, "back_left": 110, "back_right": -110}
-    K = [[1266, 0, 800], [0, 1266, 450], [0, 0, 1]]
-    rig = ipm_rs.Rig(
-        {
-            name: ipm_rs.Camera.from_euler(
-                K, image_size=(1600, 900), position=(1, 0, 1.5), pitch=0.05, yaw=np.deg2rad(angle)
-            )
-            for name, angle in angles.items()
-        }
-    )
-    random = np.random.default_rng(0)
-    images = {
-        name: np.asarray(
-            Image.fromarray(random.integers(0, 256, (225, 400, 3), np.uint8)).resize(
-                (1600, 900), Image.Resampling.BICUBIC
-            )
-        )
-        for name in rig
-    }
-    return rig, images
 
 
 def city(args: argparse.Namespace) -> None:
@@ -434,8 +382,8 @@ def main() -> None:
         "ring": ring,
         "kitti": kitti,
         "kills": kills,
+        "ray": ray,
         "long": long,
-        "speed": speed,
         "city": city,
         "child": child,
     }
@@ -449,7 +397,6 @@ def main() -> None:
     parser.add_argument("--times", type=int, default=20)
     parser.add_argument("--frames", type=int, default=5000)
     parser.add_argument("--step", type=float, default=1.0)
-    parser.add_argument("--rounds", type=int, default=8)
     parser.add_argument("--path")
     parser.add_argument("--picture")
     args = parser.parse_args()

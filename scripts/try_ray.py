@@ -48,8 +48,8 @@ def write_frames(folder: Path, count: int) -> None:
         Image.fromarray(np.roll(road, 3 * number, axis=1)).save(folder / f"{number:04}.jpg", quality=90)
 
 
-def workers_of_mine() -> list[int]:
-    """Return the process ids of the actors of the cluster that this process started."""
+def workers_of_mine(at_work_on: str = "MapWorker") -> list[int]:
+    """Return the process ids of the actors, or tasks, of this name of the cluster that this process started."""
     parents, names = {}, {}
     for place in Path("/proc").iterdir():
         if place.name.isdecimal():
@@ -59,7 +59,9 @@ def workers_of_mine() -> list[int]:
             except OSError:  # it has ended
                 continue
     me = os.getpid()
-    return [pid for pid, name in names.items() if name.startswith("ray::MapWorker") and me in ancestors(pid, parents)]
+    return [
+        pid for pid, name in names.items() if name.startswith(f"ray::{at_work_on}") and me in ancestors(pid, parents)
+    ]
 
 
 def ancestors(pid: int, parents: dict[int, int]) -> set[int]:
