@@ -33,6 +33,7 @@ help: ## List the targets
 BASE  := $(VENV)/.stamp-base
 BUILD := $(VENV)/.stamp-build
 DEV   := $(VENV)/.stamp-dev
+COVER := $(VENV)/.stamp-coverage
 BENCH := $(VENV)/.stamp-bench
 
 $(BASE):
@@ -163,6 +164,16 @@ test-memory: $(DEV) $(INSTALLED) ## The fast Python tests with Python's own chec
 soak: $(DEV) $(INSTALLED) ## Threads, forks, signals and changes of the pool under load: make soak SECONDS=1800
 	$(PY) scripts/soak.py --seconds $(SECONDS)
 
+.PHONY: coverage-rust coverage-python
+coverage-rust: ## Lines of the core that the Rust tests reach, by cargo-llvm-cov: make coverage-rust ARGS=--html
+	PROPTEST_RNG_SEED=1 PROPTEST_CASES=$(or $(CASES),32) $(CARGO) llvm-cov --lib --tests $(or $(ARGS),--summary-only)
+
+coverage-python: $(COVER) $(INSTALLED) ## Lines of the package that pytest reaches, and those that it does not
+	rm -rf target/coverage
+	$(PY) -m coverage run -m pytest -q -n $(WORKERS) --dist worksteal $(ARGS)
+	$(PY) -m coverage combine --quiet
+	$(PY) -m coverage report
+
 .PHONY: test-neon test-no-avx
 test-neon: ## Cross-compile the Rust tests for aarch64 and run them under qemu; names the packages that it misses
 	$(PYTHON) scripts/test_emulated.py neon
@@ -197,7 +208,7 @@ release-dry: $(BUILD) check-wheel ## What a release does, as far as one machine 
 	$(PYTHON) scripts/release.py check
 	rm -rf target/sdist
 	$(PY) -m maturin sdist --out target/sdist
-	$(PYTHON) scripts/build_offline.py target/sdist/ipm_rs-*.tar.gz
+	$(PYTHON) scripts/build_offline.py $(ARGS) target/sdist/ipm_rs-*.tar.gz
 	$(CARGO) publish --dry-run --locked
 
 # ---------------------------------------------------------------- benchmarks, documentation
