@@ -24,7 +24,7 @@ from ipm_rs.refine._inputs import guarded, numbers_of
 from ipm_rs.refine._pictures import grey_of
 from ipm_rs.refine._ring import Ring, State
 from ipm_rs.refine._ringcovariance import covariance_of
-from ipm_rs.refine._ringsearch import searched
+from ipm_rs.refine._ringsearch import searched, searched_again
 from ipm_rs.refine._road import PARAMETERS
 from ipm_rs.rig import Rig, RigLut
 
@@ -176,6 +176,7 @@ def _fitted(rig: Rig, ring: Ring) -> RigFit:
         )
     before = ring.agreement(ring.start)
     held: dict[str, str] = {}
+    again: set[str] = set()
     every = ring.pairs
     state = placed = searched(ring)
     while True:
@@ -200,6 +201,12 @@ def _fitted(rig: Rig, ring: Ring) -> RigFit:
         else:
             assert unlike is not None
             name = unlike
+            if name not in again:  # once, for it takes as long as all cameras together
+                again.add(name)
+                better = searched_again(ring, state, name)
+                if better is not None:
+                    state = placed = better
+                    continue
             pair = max((each for each in after if name in each), key=lambda each: after[each], default=(name, name))
             held[name] = "no pose was found with which its views agree as those of the others do"
         state = placed = _without_cut_off(ring, ring.hold(name, placed), held)  # nor with what it has led others to

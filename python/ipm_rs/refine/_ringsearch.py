@@ -16,7 +16,7 @@ from ipm_rs.refine._ring import Ring, State
 from ipm_rs.refine._ringcovariance import covariance_of
 from ipm_rs.refine._road import Pose
 
-__all__ = ["searched"]
+__all__ = ["searched", "searched_again"]
 
 Steps = NDArray[np.float64]
 Picture = NDArray[np.float32]
@@ -91,6 +91,18 @@ def searched(ring: Ring) -> State:
         waiting.remove(name)
         placed.append(name)
     return state
+
+
+def searched_again(ring: Ring, state: State, name: str) -> State | None:
+    """Return a state with a camera where its views agree with those of all others, as they are placed by now.
+
+    When it was placed some of them were not, or not well: of one strip at the end of a picture no pose follows.
+    """
+    alone = copy(ring)
+    alone.free, alone.pairs = [name], [pair for pair in ring.pairs if name in pair]
+    others = [one if other == name else other for one, other in alone.pairs]
+    best = max(_looked_closer(alone, ring.start, state, name, others), key=partial(_alike, alone), default=None)
+    return best if best is not None and _alike(alone, best) >= _AGREEING else None
 
 
 class _Late(NamedTuple):
