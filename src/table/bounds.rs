@@ -3,6 +3,7 @@
 use std::mem::MaybeUninit;
 
 use super::{Edges, SpanKind, Tap, unframed};
+use crate::isa::{self, Body, Isa};
 
 /// Where the taps of each kind of span may be.
 pub(super) struct Bounds {
@@ -10,37 +11,26 @@ pub(super) struct Bounds {
     wraps: bool,
     last_x: i64,
     last_y: i64,
-    /// `2^64 / width` rounded up: with it, `offset % width` is two multiplications (Lemire, Kaser, Kurz: Faster remainder
-    /// by direct computation, 2019; exact for 32-bit numbers).
-    reciprocal: u64,
+    isa: Isa,
 }
 
 impl Bounds {
-    pub(super) fn new((width, height): (u32, u32), edges: Edges) -> Self {
-        let reciprocal = (u64::MAX / u64::from(width)).wrapping_add(1);
-        Self { width, wraps: edges.wraps, last_x: i64::from(width) - 1, last_y: i64::from(height) - 1, reciprocal }
-    }
-
-    fn column(&self, offset: u32) -> u32 {
-        let fraction = self.reciprocal.wrapping_mul(u64::from(offset));
-        ((u128::from(fraction) * u128::from(self.width)) >> 64) as u32
+    pub(super) fn new((width, height): (u32, u32), edges: Edges, isa: Isa) -> Self {
+        Self { width, wraps: edges.wraps, last_x: i64::from(width) - 1, last_y: i64::from(height) - 1, isa }
     }
 
     /// Writes the taps of a span, and says whether all are where its kind may sample.
     pub(super) fn allow(&self, kind: SpanKind, taps: &mut [MaybeUninit<Tap>], bytes: &[u8]) -> bool {
-        let read = taps.iter_mut().zip(bytes.as_chunks::<8>().0).map(|(slot, bytes)| {
-            let word = u64::from_le_bytes(*bytes);
-            *slot.write(Tap { offset: word as u32, x: (word >> 32) as u16, y: (word >> 48) as u16 })
-        });
+        let words = bytes.as_chunks::<8>().0;
         match kind {
-            SpanKind::Outside => read.count() == 0,
+            SpanKind::Outside => taps.is_empty(),
             SpanKind::Inside => {
-                let end = self.last_y as u64 * u64::from(self.width);
-                let inside =
-                    |tap: Tap| (u64::from(tap.offset) < end) & (i64::from(self.column(tap.offset)) < self.last_x);
-                read.fold(true, |all, tap| all & inside(tap))
+                isa::run(self.isa, Inside { taps, words, width: self.width, last_y: self.last_y as u32 })
             }
-            SpanKind::Rim | SpanKind::Halo => read.fold(true, |all, tap| all & self.allow_at_edge(kind, tap)),
+            SpanKind::Rim | SpanKind::Halo => {
+                let read = taps.iter_mut().zip(words).map(|(slot, bytes)| *slot.write(Tap::from_le_bytes(*bytes)));
+                read.fold(true, |all, tap| all & self.allow_at_edge(kind, tap))
+            }
         }
     }
 
@@ -54,17 +44,67 @@ impl Bounds {
     }
 }
 
+/// Writes taps, and says whether all are left of the last column and above the last row.
+struct Inside<'a> {
+    taps: &'a mut [MaybeUninit<Tap>],
+    words: &'a [[u8; 8]],
+    width: u32,
+    last_y: u32,
+}
+
+impl Body for Inside<'_> {
+    type Output = bool;
+
+    /// Without a division or a branch: a row is estimated by a product of 32 bits and is right or one too small, so that
+    /// what is left is the column or a width more.
+    #[inline(always)]
+    fn run(self) -> bool {
+        let width = u64::from(self.width);
+        // of one column no tap is inside, and 2^32 / 1 does not fit
+        let per_offset = u64::from(((1 << 32) / width.max(2)) as u32);
+        let last = (u64::from(self.last_y) * width).wrapping_sub(1);
+        let (mut behind, mut at_edge) = (0, 0);
+        for (slot, word) in self.taps.iter_mut().zip(self.words) {
+            let tap = slot.write(Tap::from_le_bytes(*word));
+            let offset = u64::from(tap.offset);
+            let row = (offset * per_offset) >> 32;
+            let next_column = offset.wrapping_sub(row * width) + 1;
+            at_edge |= u64::from(next_column == width) | u64::from(next_column == 2 * width);
+            behind |= last.wrapping_sub(offset); // its sign
+        }
+        (at_edge == 0 && behind >> 63 == 0 && width > 1) || self.words.is_empty()
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
-    fn columns_are_remainders() {
-        for width in [1, 2, 3, 7, 640, 2048, 4095, 65_535, 65_537, u32::MAX] {
-            let bounds = Bounds::new((width, 2), Edges::default());
-            let offsets = (0..2000).map(|i: u32| i.wrapping_mul(2_654_435_761));
-            for offset in offsets.chain([0, width - 1, width, width.wrapping_add(1), u32::MAX - 1, u32::MAX]) {
-                assert_eq!(bounds.column(offset), offset % width, "{offset} % {width}");
+    fn taps_inside_are_those_that_have_all_four_pixels() {
+        let offsets = |width: u32, height: u32| {
+            let many = (0..500).map(|i: u32| i.wrapping_mul(2_654_435_761));
+            let corners = [0, 1, 2, height / 2, height - 1, height].map(|row| row.wrapping_mul(width));
+            let near = corners.into_iter().flat_map(|at| (0..5).map(move |i: u32| at.wrapping_add(i).wrapping_sub(3)));
+            many.chain(near).chain([u32::MAX])
+        };
+        let sizes = [(1, 1), (1, 9), (2, 1), (2, 2), (3, 2), (7, 5), (640, 480), (2048, 1024), (65_535, 65_535)];
+        for (width, height) in sizes.into_iter().chain([(65_537, 60_000), (1 << 30, 1), (1_431_655_763, 1)]) {
+            for &isa in Isa::available() {
+                let bounds = Bounds::new((width, height), Edges::default(), isa);
+                for offset in offsets(width, height) {
+                    let inside = offset % width + 1 < width && offset / width + 1 < height;
+                    // alone, and among others
+                    for count in [1, 2, 9] {
+                        let mut bytes = vec![0; 8 * count];
+                        bytes[8 * (count / 2)..][..4].copy_from_slice(&offset.to_le_bytes());
+                        bytes[8 * (count / 2) + 4..][..4].fill(255);
+                        let mut taps = vec![MaybeUninit::uninit(); count];
+                        let got = bounds.allow(SpanKind::Inside, &mut taps, &bytes);
+                        let others = count == 1 || (width > 1 && height > 1);
+                        assert_eq!(got, inside && others, "{offset} of {width} x {height}, {count}, {isa:?}");
+                    }
+                }
             }
         }
     }

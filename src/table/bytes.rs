@@ -15,6 +15,7 @@ use xxhash_rust::xxh3::{Xxh3, xxh3_64};
 use super::bounds::Bounds;
 use super::{BorderMode, Edges, PackedSpan, RowEnd, RowSpans, SpanKind, Table, Tap, band_rows};
 use crate::error::{Error, Result, TableError};
+use crate::isa::Isa;
 use crate::parallel::check_interrupt;
 use crate::view::{are_too_many, buffer, check_image_size};
 
@@ -101,7 +102,12 @@ impl Table {
             return Err(damaged("there is something between its spans and its taps"));
         }
         let mut table = Table::empty((rows, columns), source, edges)?;
-        let mut reader = Reader { spans: &all_spans, taps_left: taps, taps: bytes, bounds: Bounds::new(source, edges) };
+        let mut reader = Reader {
+            spans: &all_spans,
+            taps_left: taps,
+            taps: bytes,
+            bounds: Bounds::new(source, edges, Isa::active()?),
+        };
         for ((band, taps), counts) in table.bands_mut().zip(counts.chunks(4 * band_rows(columns))) {
             let mut next = 0;
             for spans in counts.chunks_exact(4).map(le_u32) {
@@ -114,7 +120,7 @@ impl Table {
         if !reader.spans.is_empty() || reader.taps_left > 0 {
             return Err(damaged("its rows do not fit its header"));
         }
-        if reader.taps.sum() != sum {
+        if reader.taps.sum()? != sum {
             return Err(damaged("its checksum does not fit"));
         }
         Ok(table)
@@ -138,8 +144,11 @@ fn damaged(problem: &'static str) -> Error {
 /// Bytes front to back, and the checksum of those from a place on.
 struct Bytes<R> {
     input: R,
-    /// Bytes of the input's buffer that were handed out, and are done with when others are asked for.
-    handed_out: usize,
+    /// Bytes of the input's buffer that were handed out, and are done with when more are asked for than it has.
+    used: usize,
+    /// Where in the input's buffer those begin that are not summed yet: sums of a row's few thousand bytes at a time cost
+    /// half as much again.
+    summed: usize,
     /// What the input's buffer did not have in one piece.
     joined: Vec<u8>,
     sum: Option<Box<Xxh3>>,
@@ -147,46 +156,57 @@ struct Bytes<R> {
 
 impl<R: BufRead> Bytes<R> {
     fn new(input: R) -> Self {
-        Self { input, handed_out: 0, joined: Vec::new(), sum: None }
+        Self { input, used: 0, summed: 0, joined: Vec::new(), sum: None }
     }
 
     /// Sums what is taken from here on.
     fn begin_sum(&mut self) {
+        self.summed = self.used;
         self.sum = Some(Box::default());
     }
 
-    fn sum(&self) -> u64 {
-        self.sum.as_ref().map_or(0, |sum| sum.digest())
+    /// The sum of what was taken.
+    fn sum(&mut self) -> Result<u64> {
+        self.consume()?;
+        Ok(self.sum.as_ref().map_or(0, |sum| sum.digest()))
+    }
+
+    /// Sums what was handed out of the input's buffer, and lets go of it.
+    fn consume(&mut self) -> Result<()> {
+        if self.used > 0 {
+            let buffer = filled(&mut self.input)?;
+            if let Some(sum) = &mut self.sum {
+                sum.update(&buffer[self.summed..self.used]);
+            }
+            self.input.consume(self.used);
+            (self.used, self.summed) = (0, 0);
+        }
+        Ok(())
     }
 
     /// The next bytes. Memory is asked for as they come, not for what is promised.
     fn take(&mut self, count: usize) -> Result<&[u8]> {
-        self.input.consume(std::mem::take(&mut self.handed_out));
-        if count == 0 {
-            return Ok(&[]);
+        if filled(&mut self.input)?.len() - self.used >= count {
+            let begin = self.used;
+            self.used += count;
+            return Ok(&filled(&mut self.input)?[begin..self.used]);
         }
-        let bytes = if filled(&mut self.input)?.len() >= count {
-            self.handed_out = count;
-            &filled(&mut self.input)?[..count]
-        } else {
-            self.joined.clear();
-            while self.joined.len() < count {
-                let there = filled(&mut self.input)?;
-                if there.is_empty() {
-                    return Err(damaged("it is cut short"));
-                }
-                let part = &there[..there.len().min(count - self.joined.len())];
-                buffer::room_for("Lut", &mut self.joined, part.len())?;
-                self.joined.extend_from_slice(part);
-                let used = part.len();
-                self.input.consume(used);
+        self.joined.clear();
+        while self.joined.len() < count {
+            let there = &filled(&mut self.input)?[self.used..];
+            let part = &there[..there.len().min(count - self.joined.len())];
+            buffer::room_for("Lut", &mut self.joined, part.len())?;
+            self.joined.extend_from_slice(part);
+            self.used += part.len();
+            let at_end = part.is_empty() && self.used == 0;
+            if at_end {
+                return Err(damaged("it is cut short"));
             }
-            &self.joined
-        };
-        if let Some(sum) = &mut self.sum {
-            sum.update(bytes);
+            if self.joined.len() < count {
+                self.consume()?;
+            }
         }
-        Ok(bytes)
+        Ok(&self.joined)
     }
 
     fn array<const N: usize>(&mut self) -> Result<[u8; N]> {
@@ -217,16 +237,16 @@ impl<R: BufRead> Reader<'_, R> {
         taps: &mut [MaybeUninit<Tap>],
         band: &mut RowSpans,
     ) -> Result<usize> {
-        let short = damaged("its rows do not fit its header");
+        let short = || damaged("its rows do not fit its header");
         let (mut cells, mut kept) = (0, 0);
-        for span in take(&mut self.spans, spans.saturating_mul(2)).ok_or(short.clone())?.chunks_exact(2) {
+        for span in take(&mut self.spans, spans.saturating_mul(2)).ok_or_else(short)?.chunks_exact(2) {
             let span = PackedSpan(u16::from_le_bytes([span[0], span[1]]));
             cells += span.cells();
             if cells > columns {
                 break;
             }
             // what lies behind the table is not its own
-            self.taps_left = self.taps_left.checked_sub(span.taps() as u64).ok_or(short.clone())?;
+            self.taps_left = self.taps_left.checked_sub(span.taps() as u64).ok_or_else(short)?;
             let bytes = self.taps.take(8 * span.taps())?;
             if !self.bounds.allow(span.kind(), &mut taps[kept..][..span.taps()], bytes) {
                 return Err(damaged("a cell samples where its kind cannot"));

@@ -44,7 +44,7 @@ impl SpanKind {
 }
 
 /// Where one cell samples: the top-left of the four pixels around its coordinate, and how far beyond it.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C, align(8))] // one number to the kernels
 pub(crate) struct Tap {
     /// Where the top-left pixel is; whether it is counted with a frame around the source, the span's kind says.
@@ -56,6 +56,16 @@ pub(crate) struct Tap {
 }
 
 impl Tap {
+    /// A tap from its bytes in a file: offset, x and y, each the lowest byte first.
+    #[inline(always)]
+    pub(crate) fn from_le_bytes(bytes: [u8; 8]) -> Self {
+        if cfg!(target_endian = "little") {
+            return bytemuck::must_cast(u64::from_le_bytes(bytes)); // by its fields compilers find no vectors
+        }
+        let word = u64::from_le_bytes(bytes);
+        Self { offset: word as u32, x: (word >> 32) as u16, y: (word >> 48) as u16 }
+    }
+
     /// Q15 fraction along x, below [`ONE`].
     #[inline]
     pub(crate) fn fx(self) -> u32 {

@@ -12,7 +12,9 @@ const TILE: usize = 3072;
 /// So many bytes more are read behind a tile, and do not count: the furthest neighbour is 32 away, and 32 are loaded.
 const BEHIND: usize = 64;
 
-type Tile = [u8; TILE + BEHIND];
+/// Aligned to the lines of the cache, so that no vector that is stored lies on two of them.
+#[repr(align(64))]
+struct Tile([u8; TILE + BEHIND]);
 
 /// Writes a row of boxes of `2^kx` pixels of 1 to 4 bytes that overlap by half, from 1, 2 or 4 `rows` of the source that hold
 /// their pixels and no more, or from one in which its rows are averaged already; they are `2^ky` rows of the source. False,
@@ -56,23 +58,23 @@ fn boxes<const CHANNELS: usize, const KX: usize, const ROWS: usize, const ODD: b
     if KX == 1 {
         return average_neighbours::<CHANNELS, ROWS, ODD>(rows, out);
     }
-    let mut tile: Tile = [0; TILE + BEHIND];
+    let mut tile = Tile([0; TILE + BEHIND]);
     // a box reaches over two steps
     let most = TILE / step - 1;
     for (index, out) in out.chunks_mut(most * CHANNELS).enumerate() {
         let (first, bytes) = (index * most * step, (out.len() / CHANNELS + 1) * step);
         let rows = rows.map(|row| &row[first..first + bytes]);
         let done = if ROWS == 1 && KX > 2 {
-            average_fours::<CHANNELS, ODD>(rows[0], &mut tile[..bytes - 3 * CHANNELS]);
+            average_fours::<CHANNELS, ODD>(rows[0], &mut tile.0[..bytes - 3 * CHANNELS]);
             2
         } else {
-            average_neighbours::<CHANNELS, ROWS, ODD>(rows, &mut tile[..bytes - CHANNELS]);
+            average_neighbours::<CHANNELS, ROWS, ODD>(rows, &mut tile.0[..bytes - CHANNELS]);
             1
         };
         for k in done..KX - 1 {
             average_in_place(k.is_multiple_of(2) != ODD, CHANNELS << k, bytes, &mut tile);
         }
-        average_at_steps::<CHANNELS, KX>((KX - 1).is_multiple_of(2) != ODD, &tile, out);
+        average_at_steps::<CHANNELS, KX>((KX - 1).is_multiple_of(2) != ODD, &tile.0, out);
     }
 }
 
@@ -175,7 +177,7 @@ fn average_in_place(up: bool, distance: usize, bytes: usize, tile: &mut Tile) {
         // SAFETY: 32 bytes from `at + distance`, less than `TILE + BEHIND - 32`, are inside the tile; what is written is
         // read only by the steps before.
         unsafe {
-            let to = tile.as_mut_ptr().add(at);
+            let to = tile.0.as_mut_ptr().add(at);
             let (own, other) = (_mm256_loadu_si256(to.cast()), _mm256_loadu_si256(to.add(distance).cast()));
             _mm256_storeu_si256(to.cast(), halfway(up, own, other));
         }
