@@ -35,7 +35,7 @@ impl Frame<'_> {
     /// that is seen, is left out.
     ///
     /// # Errors
-    /// [`MosaicError::Side`] and [`GridError::CellSize`](crate::error::GridError::CellSize); those of [`BevGrid::new`], of
+    /// [`MosaicError::Side`] and [`GridError::CellSize`]; those of [`BevGrid::new`], of
     /// [`Lut::new`](crate::Lut::new) and of [`Lut::resolved_mask`](crate::Lut::resolved_mask).
     pub fn windows(&self, resolution: f64, side: usize) -> Result<Vec<Window>> {
         if side == 0 || !side.is_multiple_of(COARSEST_STEP) {

@@ -127,10 +127,10 @@ def test_a_lens_of_hostile_coefficients_costs_what_is_stated(name: str) -> None:
 
     lens = SLOW_LENSES[name]()
     camera = ipm_rs.Camera.from_euler(matrix, image_size=(64, 64), position=(0, 0, 1.5), pitch=0.8, lens=lens)
-    # ten times what is stated: what has no end, or ends a thousand times later, is not missed
-    assert cost(SLOW_LENSES[name]) < 10 * 1e3 * make
-    assert cost(lambda: camera.ground_from_pixels(pixels)) < 10 * to_road * len(pixels)
-    assert cost(lambda: ipm_rs.Lut(camera, small)) < 10 * cell * small.shape[0] * small.shape[1]
+    # no measure of speed: a search without an end, or with a thousand times as many steps, is what this finds
+    assert cost(SLOW_LENSES[name]) < 100 * 1e3 * make
+    assert cost(lambda: camera.ground_from_pixels(pixels)) < 100 * to_road * len(pixels)
+    assert cost(lambda: ipm_rs.Lut(camera, small)) < 100 * cell * small.shape[0] * small.shape[1]
 
 
 @pytest.mark.parametrize("name", ["values.json", "aliases.yaml", "entities.xml", "zeros.npz"])
