@@ -60,7 +60,7 @@ impl Tap {
     #[inline(always)]
     pub(crate) fn from_le_bytes(bytes: [u8; 8]) -> Self {
         if cfg!(target_endian = "little") {
-            return bytemuck::must_cast(u64::from_le_bytes(bytes)); // by its fields compilers find no vectors
+            return bytemuck::must_cast(u64::from_le_bytes(bytes)); // the bytes as they are
         }
         let word = u64::from_le_bytes(bytes);
         Self { offset: word as u32, x: (word >> 32) as u16, y: (word >> 48) as u16 }

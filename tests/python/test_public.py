@@ -343,5 +343,5 @@ def test_attached_methods_are_made_where_static_methods_count_arguments() -> Non
     source = (FOLDER / "calibration" / "_attached.py").read_text(encoding="utf-8")
     names = {"staticmethod": Strict, "__name__": "attached"}
     exec(compile(source, "_attached.py", "exec"), names)
-    method = names["Attached"]("root", "math", "sqrt", "Camera").__get__(None)
+    method = names["Attached"].to("root", "math", "sqrt", "Camera").__get__(None)
     assert method(9.0) == 3.0 and method.__qualname__ == "Camera.root"

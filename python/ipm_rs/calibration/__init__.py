@@ -117,19 +117,19 @@ def __getattr__(name: str) -> Any:
 
 
 _METHODS = {
-    "load": Attached("load", "ipm_rs.calibration._load", "load"),
-    "load_all": Attached("load_all", "ipm_rs.calibration._load", "load_all"),
+    "load": Attached.to("load", "ipm_rs.calibration._load", "load"),
+    "load_all": Attached.to("load_all", "ipm_rs.calibration._load", "load_all"),
     # what is no file's: cameras of what is known otherwise
-    "from_ground_points": Attached("from_ground_points", "ipm_rs.refine._points", "camera_from_ground_points"),
-    "from_points": Attached("from_points", "ipm_rs.refine._points", "camera_from_points"),
-    "from_projection": Attached("from_projection", "ipm_rs.refine._known", "from_projection"),
-    "from_fov": Attached("from_fov", "ipm_rs.refine._known", "from_fov"),
+    "from_ground_points": Attached.to("from_ground_points", "ipm_rs.refine._points", "camera_from_ground_points"),
+    "from_points": Attached.to("from_points", "ipm_rs.refine._points", "camera_from_points"),
+    "from_projection": Attached.to("from_projection", "ipm_rs.refine._known", "from_projection"),
+    "from_fov": Attached.to("from_fov", "ipm_rs.refine._known", "from_fov"),
     # and of other pictures from the same place
     "undistorted": AttachedMethod("undistorted", "ipm_rs.views._undistorted", "undistorted"),
     # areas
     "project_polygon": AttachedMethod("project_polygon", "ipm_rs.ground._polygons", "project_polygon"),
     "ground_polygon": AttachedMethod("ground_polygon", "ipm_rs.ground._polygons", "ground_polygon"),
-    **{f"from_{name}": Attached(f"from_{name}", f"ipm_rs.calibration.{name}", "read") for name in FORMATS},
+    **{f"from_{name}": Attached.to(f"from_{name}", f"ipm_rs.calibration.{name}", "read") for name in FORMATS},
 }
 _OTHERS: list[tuple[type, str, str]] = [
     (Lut, "between", "ipm_rs.views._between"),
@@ -139,6 +139,6 @@ _OTHERS: list[tuple[type, str, str]] = [
 for _name, _method in _METHODS.items():
     setattr(Camera, _name, _method)
 for _owner, _name, _module in _OTHERS:
-    setattr(_owner, _name, Attached(_name, _module, _name, _owner.__name__))
+    setattr(_owner, _name, Attached.to(_name, _module, _name, _owner.__name__))
 for _name in ("transformed",):
     setattr(Plane, _name, AttachedMethod(_name, "ipm_rs.ground._planes", _name, "Plane"))

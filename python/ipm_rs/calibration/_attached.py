@@ -22,28 +22,31 @@ def _unread() -> None:
 
 
 class Attached(_Static):
-    """A static method whose module is imported when somebody first looks at it: importing the package does not.
+    """A static method whose module is imported when somebody first looks at it: importing the package does not."""
 
-    Parameters
-    ----------
-    name : str
-        Of the method, as `help` shows it.
-    module, function : str
-        Where the function is that does it; its docstring and signature are the method's.
-    owner : str
-        The class.
-    """
+    _name: str
+    _module: str
+    _function: str
+    _owner: str
 
-    def __new__(cls, *_: str, **__: str) -> Attached:
-        # since Python 3.15 `staticmethod.__new__` counts its arguments, which are those of `__init__`
-        return super().__new__(cls, _unread)  # type: ignore[call-arg]  # typeshed knows of no `__new__`
+    @classmethod
+    def to(cls, name: str, module: str, function: str, owner: str = "Camera") -> Attached:
+        """Return one that leads to a function.
 
-    def __init__(self, name: str, module: str, function: str, owner: str = "Camera") -> None:
-        super().__init__(_unread)
-        self._name = name
-        self._module = module
-        self._function = function
-        self._owner = owner
+        It is no constructor, because since Python 3.15 `staticmethod` counts what it is made of.
+
+        Parameters
+        ----------
+        name : str
+            Of the method, as `help` shows it.
+        module, function : str
+            Where the function is that does it; its docstring and signature are the method's.
+        owner : str
+            The class.
+        """
+        attached = cls(_unread)
+        attached._name, attached._module, attached._function, attached._owner = name, module, function, owner
+        return attached
 
     def __get__(self, camera: Any, owner: type | None = None) -> Callable[..., Any]:
         return self._method
@@ -65,7 +68,7 @@ class AttachedMethod:
     """The same with the object as the function's first argument."""
 
     def __init__(self, name: str, module: str, function: str, owner: str = "Camera") -> None:
-        self._static = Attached(name, module, function, owner)
+        self._static = Attached.to(name, module, function, owner)
 
     def __get__(self, instance: Any, owner: type | None = None) -> Callable[..., Any]:
         method = self._static.__get__(None)

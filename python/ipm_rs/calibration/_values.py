@@ -93,10 +93,10 @@ def numbers(value: Any, where: str, count: int | Sequence[int] | None = None, *,
     if items is None:
         mend = "write them in a list, with commas between" if _several(value) else "write them in a list"
         raise CalibrationError(f"{where}: expected a list of {wanted}, got {describe(value)}; {mend}")
-    if all(type(item) is float for item in items) and all(map(math.isfinite, items)):
-        # most are: a fifth of the time of the checks one by one
-        if counts is None or len(items) in counts:
-            return np.array(items, dtype=float)
+    # nearly always so: of three numbers two thirds of the time of the checks one by one, of fifteen a fifth
+    are_floats = all(type(item) is float for item in items) and all(map(math.isfinite, items))
+    if are_floats and (counts is None or len(items) in counts):
+        return np.array(items, dtype=float)
     forgotten_commas(items, where)
     if counts is not None and len(items) not in counts:
         raise CalibrationError(
