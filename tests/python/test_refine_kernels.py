@@ -51,6 +51,18 @@ def test_light_is_fitted_to_what_does_not_move(random, spread, gain):
     np.testing.assert_allclose(slopes, expected[1], atol=1e-11)
 
 
+def test_what_moves_does_not_make_views_unlike(random):
+    """A thing in one of two views hides a third of the road; of other road they stay unlike."""
+    road, other = random.normal(95, 10, 600), random.normal(95, 10, 600)
+    view = 1.1 * road + 4 + random.normal(0, 2, 600)
+    view[:200] = 190.0
+    assert _loss.correlation(road, view) < 0.3 < 0.9 < _loss.likeness(road, view)
+    assert abs(_loss.likeness(other, view)) < 0.2
+    assert _loss.likeness(road, 2 * road + 1) == pytest.approx(1.0)
+    assert _loss.likeness(road[:9], road[:9]) == -1.0
+    assert _loss.likeness(np.full(20, 7.0), np.full(20, 7.0)) == 0.0
+
+
 def test_equations_are_those_of_tukeys_loss(random):
     off, J = random.normal(0, 4, 300), random.normal(size=(300, 6))
     share = np.minimum((off / (_loss.CUT * 2.5)) ** 2, 1)

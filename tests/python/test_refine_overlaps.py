@@ -12,7 +12,7 @@ import ipm_rs
 from ipm_rs import errors, refine, scene
 from ipm_rs.refine._motion import angles_of
 from ipm_rs.refine._ring import Ring
-from ipm_rs.refine._ringsearch import searched_again
+from ipm_rs.refine._ringsearch import _alike, searched_again
 from ipm_rs.refine._road import pose_of_camera
 
 K = [[120.0, 0, 127.5], [0, 120.0, 95.5], [0, 0, 1]]
@@ -185,6 +185,18 @@ def test_strips_at_the_far_ends_of_a_picture_place_a_camera():
     again = searched_again(ring, state, "back")
     assert np.abs(off(given["back"].with_pose(again["back"].camera_from_vehicle), true["back"])).max() < 0.1
     assert all(again[name] is state[name] for name in ("front", "left", "right"))
+
+
+@pytest.mark.filterwarnings("ignore::ipm_rs.CalibrationWarning")
+def test_a_pair_that_is_out_of_sight_is_not_alike(images):
+    """A camera that turns away from one neighbour is not judged by the other alone."""
+    pictures = {name: image.mean(-1, dtype=np.float32) for name, image in images.items()}
+    likely = np.array([0.03, 0.03, 0.03, 0.15])
+    ring = Ring(TRUE, [pictures], "front", ipm_rs.Plane(normal=(0, 0, 1)), GRID, 1.5, likely)
+    alone = _alike(ring, ring.start)
+    assert ring.pairs == [("front", "left")] and alone > 0.9
+    ring.pairs = [("front", "left"), ("left", "back")]
+    assert _alike(ring, ring.start) == alone / 2
 
 
 def test_the_answer_is_the_same_on_any_number_of_threads(images):

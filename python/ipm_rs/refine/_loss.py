@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ipm_rs._core import _refine_differences, _refine_normal, get_num_threads
 from ipm_rs.refine._solve import Normal
 
-__all__ = ["correlation", "exposed", "in_threads", "loss_of", "most_of", "normal_of", "weights_of"]
+__all__ = ["correlation", "exposed", "in_threads", "likeness", "loss_of", "most_of", "normal_of", "weights_of"]
 
 Matrix = NDArray[np.float64]
 T = TypeVar("T")
@@ -68,6 +68,26 @@ def correlation(a: NDArray[np.floating[Any]], b: NDArray[np.floating[Any]]) -> f
     a, b = a - a.mean(), b - b.mean()
     size = math.sqrt(float(a @ a) * float(b @ b))
     return float(a @ b) / size if size > 0 else 0.0
+
+
+def likeness(a: NDArray[np.floating[Any]], b: NDArray[np.floating[Any]]) -> float:
+    """Return the correlation of what two lists have in common, by Tukey's weights; -1 of fewer than ten.
+
+    A moving thing that covers a third of a narrow overlap leaves 0.0 to 0.3 of the plain correlation of two views of
+    the same road, which poses a degree off have by chance; without what is far off it is 0.98, theirs 0.6 at most.
+    """
+    if len(a) < 10:
+        return -1.0
+    a, b = (np.asarray(each, dtype=np.float64) for each in (a, b))
+    off, _, both = exposed(b, a)
+    weights = weights_of(off, 1.4826 * float(np.median(np.abs(off)))) if len(off) else off
+    total = float(weights.sum())
+    if not total > 0.0:
+        return correlation(a, b)
+    a, b = a[both], b[both]
+    a, b = a - float(weights @ a) / total, b - float(weights @ b) / total
+    size = math.sqrt(float(weights @ (a * a)) * float(weights @ (b * b)))
+    return float(weights @ (a * b)) / size if size > 0.0 else 0.0
 
 
 def in_threads(work: Callable[[T], U], items: Iterable[T]) -> list[U]:

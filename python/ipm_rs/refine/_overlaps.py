@@ -58,7 +58,8 @@ class RigFit:
     """Cameras that stay as they were, and why: the fixed one, those that share no road with the others, and those for
     which no pose was found that suits their pairs."""
     before: dict[tuple[str, str], float]
-    """Correlation of the views of each pair with the rig as it was given, the mean of the instants."""
+    """Correlation of the views of each pair with the rig as it was given, the mean of the instants. What differs by
+    far, moving things and what stands up, is left out by Tukey's weights."""
     after: dict[tuple[str, str], float]
     """The same with the rig that was found."""
     gains: dict[str, NDArray[np.float32]]

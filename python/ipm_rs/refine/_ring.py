@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ipm_rs._core import BevGrid, Camera, Lut, Plane
-from ipm_rs.refine._loss import correlation, exposed, in_threads, normal_of
+from ipm_rs.refine._loss import exposed, in_threads, likeness, normal_of
 from ipm_rs.refine._motion import axes_of_angles
 from ipm_rs.refine._road import Pose, pose_of_camera
 from ipm_rs.refine._solve import Normal, minimise
@@ -31,7 +31,7 @@ _RESOLVED, _SMEARED = 0.5, 0.2
 """Pixels a cell in the worse direction: what is resolved less is smear, which is better than nothing."""
 _NARROW_CELLS = 400
 """Below which an overlap is narrow, and what it shows smeared is looked at too."""
-_FARTHEST = 4.0
+_FARTHEST = 3.0
 """Standard deviations of what cameras are likely to be off by, beyond which none is sought: on a real ring views that
 are alike by chance led one 17 degrees away."""
 _UNLIKE = 0.75
@@ -374,7 +374,7 @@ class Ring:
     # ------------------------------------------------------------------------------------------------------------------
 
     def agreement(self, state: State) -> dict[tuple[str, str], float]:
-        """Return the correlation of the views of each pair, the mean of the instants."""
+        """Return the correlation of what the views of each pair have in common, the mean of the instants."""
         chosen = self.chosen(state, 1)
         views = self.views(state, 1, chosen)
         found = {}
@@ -382,7 +382,7 @@ class Ring:
             scores = []
             for instant in range(len(self.instants)):
                 one, other = (views[name].pictures[instant] for name in pair)
-                scores.append(correlation(one[cells], other[cells]))
+                scores.append(likeness(one[cells], other[cells]))
             found[pair] = float(np.mean(scores))
         return found
 
