@@ -43,7 +43,7 @@ pub(crate) use average::Average;
 pub(crate) use blend::sealed;
 use blend::sealed::Blend;
 pub(crate) use places::{Exact, ExactBlend, ExactKernels, Float};
-pub(crate) use rounding::{Kinds, Sampled, quantise_one};
+pub(crate) use rounding::{Kinds, Sampled, equal_runs, quantise_one};
 pub(crate) use split::{Fraction, split};
 pub(crate) use unpack::{FRACTION_BITS, unpack};
 pub(crate) use widen::widen;

@@ -3,13 +3,13 @@
 use std::ops::Range;
 
 use super::Lut;
-use super::footprint::{Coordinates, Sides, check_sides};
+use super::footprint::{Coordinates, Sides, check_sides, slope};
 use crate::error::Result;
 use crate::isa::{Isa, for_each_isa};
 use crate::kernels::FRACTION_BITS;
 use crate::parallel::{self, Work};
 use crate::table::Table;
-use crate::view::buffer;
+use crate::view::{buffer, prefetch};
 
 impl Lut {
     /// Source pixels from a cell to the next, row-major, two numbers a cell: down the output's rows, and along its columns.
@@ -88,7 +88,6 @@ pub(crate) struct Resolution<'a> {
     table: &'a Table,
     near: [Coordinates; 3],
     known: [Known; 3],
-    sides: Sides,
 }
 
 /// Which columns of which row, counted from the one above the first, a [`Coordinates`] holds.
@@ -102,6 +101,10 @@ struct Known {
 /// each row is read once instead of three times.
 const BESIDE: usize = 4;
 
+/// So many rows ahead taps are asked for. What two cameras see of a row are a few lines of the cache, far from those of the
+/// next row, so the CPU's own prefetching never begins: waiting for them took an eighth of a ring's build.
+const AHEAD: usize = 3;
+
 impl<'a> Resolution<'a> {
     /// # Errors
     /// [`LutError::AreaSize`](crate::error::LutError::AreaSize), [`IsaError`](crate::error::IsaError) and
@@ -111,10 +114,11 @@ impl<'a> Resolution<'a> {
         let table = &lut.table;
         let near = [Coordinates::none(table)?, Coordinates::none(table)?, Coordinates::none(table)?];
         let known = [const { Known { row: usize::MAX, columns: Vec::new() } }; 3];
-        Ok(Self { isa: Isa::active()?, table, near, known, sides: Sides::new(table.columns())? })
+        Ok(Self { isa: Isa::active()?, table, near, known })
     }
 
-    /// Writes that of the cells of these columns; of cells without an image anything at all.
+    /// Writes that of the cells from the first of these columns on; of cells without an image, and of those behind the last
+    /// of the columns, of which there may be up to [`LANES`](crate::table::block::LANES), anything at all.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`](crate::Error::OutOfMemory).
@@ -127,30 +131,56 @@ impl<'a> Resolution<'a> {
             }
             if !known.columns.iter().any(|known| known.start <= columns.start && columns.end <= known.end) {
                 let columns = columns.start.saturating_sub(BESIDE)..(columns.end + BESIDE).min(self.table.columns());
+                self.table.fetch(above + AHEAD, &columns);
                 near.read_columns(self.isa, self.table, above.checked_sub(1), &columns);
                 buffer::push("resolution", &mut known.columns, columns)?;
             }
         }
-        let near = [0, 1, 2].map(|after| &self.near[(row + after) % 3]);
-        self.sides.read_columns(self.isa, near, columns.clone());
-        smaller_singular_values(self.isa, self.sides.columns(columns), resolution);
+        let near = [0, 1, 2].map(|after| self.near[(row + after) % 3].axes().map(|axis| &axis[columns.start..]));
+        smaller_singular_values(self.isa, near, resolution);
         Ok(())
     }
 }
 
-/// The smaller singular values of matrices whose columns are sides of footprints in 1/1024 pixel, in pixels.
-fn smaller_singular_values(isa: Isa, sides: [&[i32]; 4], values: &mut [f32]) {
+impl Table {
+    /// Asks for the taps of some cells of a row that will be needed soon, if there is such a row.
+    fn fetch(&self, row: usize, columns: &Range<usize>) {
+        /// Taps of a line of the cache.
+        const LINE: usize = 8;
+        if row >= self.rows() {
+            return;
+        }
+        for span in self.row(row).skip_while(|span| span.first + span.cells <= columns.start) {
+            if span.first >= columns.end {
+                break;
+            }
+            let taps = span.part(columns).taps;
+            (0..taps.len()).step_by(LINE).for_each(|tap| prefetch(taps, tap));
+        }
+    }
+}
+
+/// The smaller singular values, in pixels, of matrices whose columns are the sides of the footprints of neighbouring cells
+/// (see [`Sides`]). They are of the middle one of three rows, whose columns and rows on the source are in 1/1024 pixel and
+/// begin with the cell before the first.
+fn smaller_singular_values(isa: Isa, rows: [[&[i32]; 2]; 3], values: &mut [f32]) {
     #[inline(always)]
-    fn body(sides: [&[i32]; 4], values: &mut [f32]) {
+    fn body(rows: [[&[i32]; 2]; 3], values: &mut [f32]) {
         let cells = values.len();
-        let [ax, ay, bx, by] = sides.map(|side| &side[..cells]);
+        let [[above_x, above_y], [x, y], [below_x, below_y]] = rows.map(|axes| axes.map(|axis| &axis[..cells + 2]));
         for i in 0..cells {
-            let [ax, ay, bx, by] = [ax[i], ay[i], bx[i], by[i]].map(|side| side as f32 / (1 << FRACTION_BITS) as f32);
+            let sides = [
+                slope(x[i], x[i + 1], x[i + 2]),
+                slope(y[i], y[i + 1], y[i + 2]),
+                slope(above_x[i + 1], x[i + 1], below_x[i + 1]),
+                slope(above_y[i + 1], y[i + 1], below_y[i + 1]),
+            ];
+            let [ax, ay, bx, by] = sides.map(|side| side as f32 / (1 << FRACTION_BITS) as f32);
             let (sum, area) = (ax * ax + ay * ay + bx * bx + by * by, (ax * by - ay * bx).abs());
             let difference = sum * sum - 4.0 * area * area;
             let largest = (sum + (if difference > 0.0 { difference } else { 0.0 }).sqrt()) / 2.0;
             values[i] = if largest > 0.0 { area / largest.sqrt() } else { 0.0 };
         }
     }
-    for_each_isa!(isa, (body, body, body)(sides: [&[i32]; 4], values: &mut [f32]));
+    for_each_isa!(isa, (body, body, body)(rows: [[&[i32]; 2]; 3], values: &mut [f32]));
 }

@@ -171,24 +171,13 @@ impl Sides {
 
     /// Works them out for the middle one of three rows.
     pub(crate) fn read(&mut self, isa: Isa, near: &[Coordinates; 3]) {
-        let columns = 0..self.0[0].len();
-        self.read_columns(isa, near.each_ref(), columns);
-    }
-
-    /// Works them out for some columns of the middle one of three rows.
-    pub(crate) fn read_columns(&mut self, isa: Isa, [above, here, below]: [&Coordinates; 3], columns: Range<usize>) {
         let Self([ax, ay, bx, by]) = self;
-        let (above, here, below) = (above.axes(), here.axes(), below.axes());
+        let [above, here, below] = near.each_ref().map(Coordinates::axes);
         for (axis, (along, down)) in [(ax, bx), (ay, by)].into_iter().enumerate() {
-            let [above, here, below] = [above[axis], here[axis], below[axis]].map(|axis| &axis[columns.start..]);
-            slopes(isa, here, &here[1..], &here[2..], &mut along[columns.clone()]);
-            slopes(isa, &above[1..], &here[1..], &below[1..], &mut down[columns.clone()]);
+            let (above, here, below) = (above[axis], here[axis], below[axis]);
+            slopes(isa, here, &here[1..], &here[2..], along);
+            slopes(isa, &above[1..], &here[1..], &below[1..], down);
         }
-    }
-
-    /// The sides of the cells in some columns: x along, y along, x down and y down.
-    pub(crate) fn columns(&self, columns: Range<usize>) -> [&[i32]; 4] {
-        [0, 1, 2, 3].map(|side| &self.0[side][columns.clone()])
     }
 
     /// The sides of one cell: x along, y along, x down and y down.

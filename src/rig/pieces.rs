@@ -102,11 +102,8 @@ impl Pieces {
 #[derive(Default)]
 pub(super) struct Builder {
     pieces: Pieces,
-    /// The cells of the piece that is not in `pieces` yet.
-    open: Range<usize>,
-    /// The tables of that piece, the one of the largest weight first, and for each the weights of the piece's cells.
-    tables: Vec<u8>,
-    weights: Vec<Vec<u16>>,
+    /// The cells of the last piece; none at a row's beginning.
+    last: Range<usize>,
 }
 
 impl Builder {
@@ -116,76 +113,119 @@ impl Builder {
 
     /// Adds cells that one table shows, or none.
     pub(super) fn alone(&mut self, cells: Range<usize>, table: Option<u8>) -> Result<()> {
-        self.extend(cells, table.as_slice())
+        self.add(cells, table.as_slice(), |_| &[])
     }
 
     /// Adds cells from a column on by the weights of some tables in rising order.
     pub(super) fn cells(&mut self, column: usize, tables: &[u8], shares: &Shares) -> Result<()> {
         let mut first = 0;
         for (cells, largest, shown) in shares.alike() {
-            let mut places = [0; MAX_CAMERAS];
-            let mut count = 1;
-            places[0] = largest;
+            let (mut places, mut order, mut count) = ([largest; MAX_CAMERAS], [0; MAX_CAMERAS], 1);
             for place in numbers(shown).filter(|&place| place != largest) {
                 (places[count], count) = (place, count + 1);
             }
-            let places = &places[..count];
-            let mut order = [0; MAX_CAMERAS];
-            order.iter_mut().zip(places).for_each(|(order, &place)| *order = tables[usize::from(place)]);
-            self.extend(column + first..column + first + cells, &order[..count])?;
-            if count > 1 {
-                for (own, &place) in self.weights.iter_mut().zip(places) {
-                    buffer::room_for(WHAT, own, cells)?;
-                    own.extend_from_slice(&shares.of(place.into())[first..first + cells]);
-                }
-            }
+            order.iter_mut().zip(&places[..count]).for_each(|(order, &place)| *order = tables[usize::from(place)]);
+            self.add(column + first..column + first + cells, &order[..count], |nth| {
+                &shares.of(places[nth].into())[first..first + cells]
+            })?;
             first += cells;
         }
         Ok(())
     }
 
-    /// Makes cells part of the open piece if that is of the same tables, or of a new one.
-    fn extend(&mut self, cells: Range<usize>, tables: &[u8]) -> Result<()> {
-        if self.open.is_empty() || self.tables != tables {
-            self.close()?;
-            self.open.start = cells.start;
-            self.tables.clear();
-            self.tables.extend_from_slice(tables);
-            while self.weights.len() < tables.len() {
-                buffer::push(WHAT, &mut self.weights, Vec::new())?;
-            }
-        }
-        self.open.end = cells.end;
-        Ok(())
-    }
-
-    fn close(&mut self) -> Result<()> {
-        if !self.open.is_empty() {
-            let (all, count) = (&mut self.pieces, self.tables.len());
-            let tables = (all.tables.len() as u32, count as u8);
-            buffer::push(
-                WHAT,
-                &mut all.pieces,
-                Packed { first: self.open.start as u32, tables, weights: all.weights.len() },
-            )?;
+    /// Makes cells part of the last piece if that is of the same tables, or a piece of their own. `weights` are those of
+    /// the cells for the first table and so on; they are asked for where there are several.
+    fn add<'a>(&mut self, cells: Range<usize>, tables: &[u8], weights: impl Fn(usize) -> &'a [u16]) -> Result<()> {
+        let (count, all) = (tables.len(), &mut self.pieces);
+        let before = all.pieces.last().filter(|_| !self.last.is_empty());
+        let goes_on = before.is_some_and(|last| all.tables[last.tables.0 as usize..] == *tables);
+        if !goes_on {
+            let (first, tables_begin) = (cells.start, all.tables.len() as u32);
+            let piece = Packed { first: first as u32, tables: (tables_begin, count as u8), weights: all.weights.len() };
+            buffer::push(WHAT, &mut all.pieces, piece)?;
             buffer::room_for(WHAT, &mut all.tables, count)?;
-            all.tables.extend_from_slice(&self.tables);
-            for weights in &mut self.weights[..count] {
-                buffer::room_for(WHAT, &mut all.weights, weights.len())?;
-                all.weights.append(weights);
+            all.tables.extend_from_slice(tables);
+            self.last = first..first;
+        }
+        let had = self.last.len();
+        self.last.end = cells.end;
+        if count < 2 {
+            return Ok(());
+        }
+        buffer::room_for(WHAT, &mut all.weights, count * cells.len())?;
+        let begin = all.weights.len() - count * had;
+        for nth in 0..count {
+            if had == 0 {
+                all.weights.extend_from_slice(weights(nth));
+            } else {
+                // seldom: where the edge of a camera that has no weight yet cuts a seam in two
+                let end = begin + nth * (had + cells.len()) + had;
+                all.weights.splice(end..end, weights(nth).iter().copied());
             }
         }
-        self.open = 0..0;
         Ok(())
     }
 
     pub(super) fn end_row(&mut self) -> Result<()> {
-        self.close()?;
+        self.last = 0..0;
         buffer::push(WHAT, &mut self.pieces.ends, self.pieces.pieces.len() as u32)
     }
 
     /// The pieces of the rows that were ended.
     pub(super) fn finish(self) -> Pieces {
         self.pieces
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::isa::Isa;
+
+    /// The weights of three tables in so many cells from a column on, which depend on the column alone; the first has none
+    /// before column 4, and the second none from column 9 on.
+    fn shares(column: usize, cells: usize) -> Shares {
+        let mut shares = Shares::default();
+        shares.begin(3, cells).unwrap();
+        for cell in 0..cells {
+            let at = (column + cell) as u32;
+            shares.raw(0)[cell] = if at < 4 { 0 } else { 900 + at };
+            shares.raw(1)[cell] = if at < 9 { 400 } else { 0 };
+            shares.raw(2)[cell] = 700;
+        }
+        shares.settle(Isa::Scalar);
+        shares
+    }
+
+    /// One row, begun by cells of table 5 alone, of which the others come in lots of these sizes.
+    fn row(lots: &[usize]) -> Pieces {
+        let mut builder = Builder::new(20);
+        builder.alone(0..1, Some(5)).unwrap();
+        builder.alone(1..2, Some(5)).unwrap();
+        let mut column = 2;
+        for &cells in lots {
+            builder.cells(column, &[2, 5, 7], &shares(column, cells)).unwrap();
+            column += cells;
+        }
+        builder.alone(column..20, None).unwrap();
+        builder.end_row().unwrap();
+        builder.finish()
+    }
+
+    #[test]
+    fn cells_that_come_in_lots_make_the_same_pieces() {
+        let whole = row(&[15]);
+        let tables: Vec<_> = whole.row(0).map(|piece| (piece.first, piece.tables.to_vec())).collect();
+        let expected = [(0, vec![5]), (2, vec![7, 5]), (4, vec![2, 5, 7]), (9, vec![2, 7]), (17, vec![])];
+        assert_eq!(tables, expected);
+        for piece in whole.row(0).filter(|piece| piece.tables.len() > 1) {
+            for cell in 0..piece.cells {
+                let weights = (0..piece.tables.len()).map(|place| u32::from(piece.weights_of(place).unwrap()[cell]));
+                assert_eq!(weights.sum::<u32>(), ONE, "of cell {} from {}", cell, piece.first);
+            }
+        }
+        for lots in [&[1; 15][..], &[4, 11], &[2, 5, 8], &[7, 7, 1], &[14, 1]] {
+            assert_eq!(row(lots), whole, "{lots:?}");
+        }
     }
 }

@@ -4,11 +4,12 @@ use std::ops::Range;
 
 use super::pieces::{Builder, Pieces};
 use super::region::{Columns, Region, Sweep, numbers};
-use super::shares::{MOST_RAW, Shares};
+use super::shares::{MOST_RAW, STEP, Shares};
 use super::{BlendMode, MAX_CAMERAS, WHAT};
 use crate::error::Result;
 use crate::grid::BevGrid;
 use crate::isa::{Isa, for_each_isa};
+use crate::kernels::equal_runs;
 use crate::lut::{Lut, Resolution};
 use crate::parallel::{self, Work, check_interrupt};
 use crate::view::buffer;
@@ -52,7 +53,8 @@ pub(super) fn pieces(views: &[View], grid: &BevGrid, blend: BlendMode, feather: 
 /// What `of` makes of each band of rows, from the top down.
 fn by_bands<T: Send>((rows, columns): (usize, usize), of: impl Fn(Range<usize>) -> Result<T> + Sync) -> Result<Vec<T>> {
     let threads = Work::table(2 * rows * columns).threads_unasked();
-    let band_rows = parallel::rows_per_band(rows, columns, threads);
+    // one thread has nobody to share with: it makes all at once, in buffers of its own, and nothing is put together
+    let band_rows = if threads == 1 { rows } else { parallel::rows_per_band(rows, columns, threads) };
     let bands = rows.div_ceil(band_rows);
     let mut made: Vec<Option<T>> = buffer::reserved(WHAT, bands)?;
     made.resize_with(bands, || None);
@@ -97,10 +99,11 @@ fn winners(views: &[View], shape: (usize, usize), blend: BlendMode) -> Result<Ve
 
 /// Finds which of several views resolves cells best.
 struct Contest<'a> {
+    isa: Isa,
     views: &'a [View],
     /// Made when a view first takes part.
     resolutions: Vec<Option<Resolution<'a>>>,
-    /// Each cell's resolution by the best view so far.
+    /// Each cell's resolution by the best view so far; here and below what lies behind the last cell counts for nothing.
     best: Vec<f32>,
     /// Each cell's resolution by the view that is compared with it.
     other: Vec<f32>,
@@ -113,37 +116,33 @@ impl<'a> Contest<'a> {
         let mut resolutions = buffer::reserved(WHAT, views.len())?;
         resolutions.resize_with(views.len(), || None);
         Ok(Self {
+            isa: Isa::active()?,
             views,
             resolutions,
-            best: buffer::zeroed(WHAT, columns)?,
-            other: buffer::zeroed(WHAT, columns)?,
-            winner: buffer::zeroed(WHAT, columns)?,
+            best: buffer::zeroed(WHAT, columns + STEP)?,
+            other: buffer::zeroed(WHAT, columns + STEP)?,
+            winner: buffer::zeroed(WHAT, columns + STEP)?,
         })
     }
 
     /// Adds each of the cells to what its winner has won; of equals the first wins.
     fn row(&mut self, row: usize, cells: Range<usize>, seeing: u64, won: &mut [Region]) -> Result<()> {
-        let count = cells.len();
+        let (count, worked) = (cells.len(), cells.len().next_multiple_of(STEP));
         for (nth, view) in numbers(seeing).enumerate() {
             let resolution = match &mut self.resolutions[usize::from(view)] {
                 Some(resolution) => resolution,
                 none => none.insert(Resolution::of(&self.views[usize::from(view)].lut)?),
             };
             if nth == 0 {
-                resolution.read(row, cells.clone(), &mut self.best[..count])?;
+                resolution.read(row, cells.clone(), &mut self.best[..worked])?;
                 self.winner[..count].fill(view);
                 continue;
             }
-            resolution.read(row, cells.clone(), &mut self.other[..count])?;
-            let cells = self.best.iter_mut().zip(&self.other).zip(&mut self.winner).take(count);
-            for ((best, &other), winner) in cells {
-                let wins = other > *best;
-                *best = if wins { other } else { *best };
-                *winner = if wins { view } else { *winner };
-            }
+            resolution.read(row, cells.clone(), &mut self.other[..worked])?;
+            compare(self.isa, &self.other[..worked], view, &mut self.best[..worked], &mut self.winner[..worked]);
         }
         let mut first = cells.start;
-        for same in self.winner[..count].chunk_by(|one, next| one == next) {
+        for same in equal_runs(&self.winner[..count]) {
             won[usize::from(same[0])].push(first..first + same.len())?;
             first += same.len();
         }
@@ -151,7 +150,21 @@ impl<'a> Contest<'a> {
     }
 }
 
-/// Weights row by row: for each view and column, how many cells of the box around it are seen and won.
+/// Lets a view win the cells that it resolves better than the best so far.
+fn compare(isa: Isa, resolution: &[f32], view: u8, best: &mut [f32], winner: &mut [u8]) {
+    #[inline(always)]
+    fn body(resolution: &[f32], view: u8, best: &mut [f32], winner: &mut [u8]) {
+        for ((best, &resolution), winner) in best.iter_mut().zip(resolution).zip(winner) {
+            let wins = resolution > *best;
+            *best = if wins { resolution } else { *best };
+            *winner = if wins { view } else { *winner };
+        }
+    }
+    for_each_isa!(isa, (body, body, body)(resolution: &[f32], view: u8, best: &mut [f32], winner: &mut [u8]));
+}
+
+/// Weights row by row: for each view and column, how many cells of the box around it are seen and won. Behind the last
+/// column are [`STEP`] more, of which none is.
 struct Seams<'a> {
     views: &'a [View],
     won: Option<&'a [Region]>,
@@ -161,6 +174,8 @@ struct Seams<'a> {
     wins: Vec<Vec<u32>>,
     /// Of each column, how many columns its box has.
     of_boxes: Vec<u32>,
+    /// Of each column, the place plus 1 of the view that has won all of its box; 0 where none has.
+    decided: Vec<u8>,
     sweep: Sweep,
     shares: Shares,
     isa: Isa,
@@ -169,10 +184,13 @@ struct Seams<'a> {
 impl<'a> Seams<'a> {
     fn new(views: &'a [View], won: Option<&'a [Region]>, shape: (usize, usize), radius: [usize; 2]) -> Result<Self> {
         let columns = |count: usize| {
-            let none = buffer::zeroed(WHAT, shape.1)?;
+            let none = buffer::zeroed(WHAT, shape.1 + STEP)?;
             buffer::filled(WHAT, count, none)
         };
-        let of_box = |column: usize| ((column + radius[1] + 1).min(shape.1) - column.saturating_sub(radius[1])) as u32;
+        let of_box = |column: usize| {
+            let column = column.min(shape.1 - 1);
+            ((column + radius[1] + 1).min(shape.1) - column.saturating_sub(radius[1])) as u32
+        };
         Ok(Self {
             views,
             won,
@@ -180,7 +198,8 @@ impl<'a> Seams<'a> {
             radius,
             sees: columns(views.len())?,
             wins: columns(won.map_or(0, <[Region]>::len))?,
-            of_boxes: buffer::collected(WHAT, (0..shape.1).map(of_box))?,
+            of_boxes: buffer::collected(WHAT, (0..shape.1 + STEP).map(of_box))?,
+            decided: buffer::zeroed(WHAT, shape.1)?,
             sweep: Sweep::default(),
             shares: Shares::default(),
             isa: Isa::active()?,
@@ -199,12 +218,12 @@ impl<'a> Seams<'a> {
 
     /// Adds the cells of a row to the boxes, and takes those of another out again.
     fn count(&mut self, add: Option<usize>, remove: Option<usize>) {
-        let (isa, across) = (self.isa, self.radius[1]);
+        let (isa, columns, across) = (self.isa, self.shape.1, self.radius[1]);
         let change = |sums: &mut Vec<u32>, region: &Region| {
             let [add, remove] = [add, remove].map(|row| row.map_or(&[][..], |row| region.row(row)));
             for nth in 0..add.len().max(remove.len()) {
                 let [add, remove] = [add, remove].map(|ranges| ranges.get(nth).copied().unwrap_or((0, 0)));
-                count_near(isa, sums, add, remove, across);
+                count_near(isa, &mut sums[..columns], add, remove, across);
             }
         };
         self.sees.iter_mut().zip(self.views).for_each(|(sums, view)| change(sums, &view.seen));
@@ -216,7 +235,7 @@ impl<'a> Seams<'a> {
         let ((rows, columns), [down, _]) = (self.shape, self.radius);
         self.count((row + down < rows).then_some(row + down), row.checked_sub(down + 1));
         let height = ((row + down + 1).min(rows) - row.saturating_sub(down)) as u32;
-        let Self { views, sees, wins, sweep, of_boxes, shares, isa, .. } = self;
+        let Self { views, sees, wins, sweep, of_boxes, decided, shares, isa, .. } = self;
         sweep.row(columns, views.iter().map(|view| view.seen.row(row)), |cells, seeing| {
             if seeing.count_ones() < 2 {
                 return builder.alone(cells, numbers(seeing).next());
@@ -227,30 +246,29 @@ impl<'a> Seams<'a> {
             }
             let tables = &tables[..count];
             // away from the seams one view has won, and so sees, all of the box
-            let winner = |column: usize| {
-                let of_box = of_boxes[column] * height;
-                tables
-                    .iter()
-                    .copied()
-                    .find(|&view| wins.get(usize::from(view)).is_some_and(|won| won[column] == of_box))
-            };
+            let decided = &mut decided[cells.clone()];
+            decided.fill(0);
+            for (place, won) in
+                tables.iter().enumerate().filter_map(|(place, &view)| Some((place, wins.get(usize::from(view))?)))
+            {
+                decide(*isa, &won[cells.clone()], (&of_boxes[cells.clone()], height), place as u8 + 1, decided);
+            }
             let mut first = cells.start;
-            while first < cells.end {
-                let alone = winner(first);
-                let same = first..first + (first..cells.end).take_while(|&column| winner(column) == alone).count();
-                first = same.end;
-                if alone.is_some() {
-                    builder.alone(same, alone)?;
+            for same in equal_runs(decided) {
+                let own = first..first + same.len();
+                first = own.end;
+                if same[0] > 0 {
+                    builder.alone(own, Some(tables[usize::from(same[0]) - 1]))?;
                     continue;
                 }
-                shares.begin(count, same.len())?;
+                shares.begin(count, own.len())?;
                 for (place, &view) in tables.iter().enumerate() {
-                    let won = wins.get(usize::from(view)).map_or(&[][..], |won| &won[same.clone()]);
-                    let seen = &sees[usize::from(view)][same.clone()];
-                    raw_weights(*isa, seen, won, (&of_boxes[same.clone()], height), shares.raw(place));
+                    let won = wins.get(usize::from(view)).map_or(&[][..], |won| &won[own.start..]);
+                    let (seen, of_boxes) = (&sees[usize::from(view)][own.start..], &of_boxes[own.start..]);
+                    raw_weights(*isa, seen, won, (of_boxes, height), shares.raw(place));
                 }
                 shares.settle(*isa);
-                builder.cells(same.start, tables, shares)?;
+                builder.cells(own.start, tables, shares)?;
             }
             Ok(())
         })?;
@@ -258,8 +276,19 @@ impl<'a> Seams<'a> {
     }
 }
 
-/// The weights of a view in some cells, by how many of the cells of a cell's box are seen and how many are won; a box has
-/// so many columns, and rows. Without `won` all of what is seen counts.
+/// Marks the cells whose boxes are won as a whole; a box has so many columns, and rows. No two views win the same.
+fn decide(isa: Isa, won: &[u32], (columns, rows): (&[u32], u32), mark: u8, decided: &mut [u8]) {
+    #[inline(always)]
+    fn body(won: &[u32], columns: &[u32], rows: u32, mark: u8, decided: &mut [u8]) {
+        for ((&won, &columns), decided) in won.iter().zip(columns).zip(decided) {
+            *decided |= if won == columns * rows { mark } else { 0 };
+        }
+    }
+    for_each_isa!(isa, (body, body, body)(won: &[u32], columns: &[u32], rows: u32, mark: u8, decided: &mut [u8]));
+}
+
+/// The weights of a view in as many cells as there are `raw`, by how many of the cells of a cell's box are seen and how many
+/// are won; a box has so many columns, and rows. Without `won` all of what is seen counts.
 fn raw_weights(isa: Isa, seen: &[u32], won: &[u32], (columns, rows): (&[u32], u32), raw: &mut [u32]) {
     // counts are below 2^31: a box has at most as many cells as the grid
     #[inline(always)]
@@ -270,11 +299,13 @@ fn raw_weights(isa: Isa, seen: &[u32], won: &[u32], (columns, rows): (&[u32], u3
     }
     #[inline(always)]
     fn body(seen: &[u32], won: &[u32], columns: &[u32], rows: u32, raw: &mut [u32]) {
+        let count = raw.len();
+        let (seen, columns) = (&seen[..count], &columns[..count]);
         let cells = raw.iter_mut().zip(seen).zip(columns).map(|((raw, &seen), &columns)| (raw, seen, columns * rows));
         if won.is_empty() {
             cells.for_each(|(raw, seen, of_box)| *raw = weight(seen, of_box as i32 as f32, 1.0));
         } else {
-            for ((raw, seen, of_box), &won) in cells.zip(won) {
+            for ((raw, seen, of_box), &won) in cells.zip(&won[..count]) {
                 let of_box = of_box as i32 as f32;
                 *raw = weight(seen, of_box, won as i32 as f32 / of_box);
             }
@@ -310,10 +341,7 @@ fn count_near(isa: Isa, sums: &mut [u32], add: Columns, remove: Columns, across:
     change_near(isa, sums, end, (add, remove), across);
 }
 
-/// So many columns at a time are gone through, some where nothing changes among them, rather than one by one at the end.
-const STEP: usize = 8;
-
-/// As [`count_near`], for some of the columns and fewer than [`STEP`] behind them.
+/// As [`count_near`], for some of the columns and fewer than [`STEP`] behind them, where nothing changes.
 fn change_near(isa: Isa, sums: &mut [u32], columns: Range<usize>, ranges: (Columns, Columns), across: usize) {
     #[inline(always)]
     fn body(sums: &mut [u32], columns: Range<usize>, ranges: (Columns, Columns), across: i32) {
