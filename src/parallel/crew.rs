@@ -98,3 +98,57 @@ impl Shared {
         state.panic.take()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+
+    use super::*;
+
+    /// A helper that comes just as the call ends: whichever is first, its work is not done once the call is over, when
+    /// what it borrows may be gone. Miri finds what threads hardly do: it stops them anywhere.
+    #[test]
+    fn nobody_begins_to_help_once_the_call_has_ended() {
+        const CALLS: usize = if cfg!(miri) { 200 } else { 500 };
+        let (open, late, helped) = (AtomicBool::new(false), AtomicUsize::new(0), AtomicUsize::new(0));
+        // outlives all calls here, so that one that comes too late is counted and harms nobody
+        let work = || {
+            helped.fetch_add(1, Ordering::Relaxed);
+            late.fetch_add(usize::from(!open.load(Ordering::SeqCst)), Ordering::Relaxed);
+        };
+        let offered = Mutex::new(None);
+        let (begun, answered) = (AtomicUsize::new(0), AtomicUsize::new(0));
+        let wait_for = |count: &AtomicUsize, call: usize| {
+            while count.load(Ordering::SeqCst) < call {
+                std::thread::yield_now();
+            }
+        };
+        std::thread::scope(|scope| {
+            scope.spawn(|| {
+                for call in 1..=CALLS {
+                    wait_for(&begun, call);
+                    let help: Option<Box<dyn FnOnce() + Send>> = lock(&offered).take();
+                    if let Some(help) = help {
+                        help();
+                    }
+                    answered.store(call, Ordering::SeqCst);
+                }
+            });
+            for call in 1..=CALLS {
+                let crew = Crew::new(&work);
+                *lock(&offered) = Some(Box::new(crew.helper()));
+                open.store(true, Ordering::SeqCst);
+                begun.store(call, Ordering::SeqCst);
+                // ends at another moment of the helper's way each time; Miri goes over to the helper at a hint, and comes
+                // back at any step of it
+                for _ in 0..if cfg!(miri) { 1 } else { call % 256 } {
+                    std::hint::spin_loop();
+                }
+                crew.dismiss(|| ());
+                open.store(false, Ordering::SeqCst);
+                wait_for(&answered, call);
+            }
+        });
+        assert_eq!(late.into_inner(), 0, "of {CALLS}, {helped:?} were helped");
+    }
+}
