@@ -3,6 +3,8 @@
 #
 #   PYTHON=python3.12 make venv    which interpreter makes .venv (default: python3)
 #   CI=true make test              Cargo.lock is taken as it is; at a desk cargo may update it
+#   SDIST=1 make build             the wheel is built by pip out of the source distribution: both are then tried by all
+#                                  that tries the wheel
 
 PYTHON ?= python3
 CARGO  ?= cargo
@@ -59,13 +61,26 @@ SOURCES := Cargo.toml build.rs pyproject.toml README.md $(wildcard Cargo.lock LI
 WHEEL     := dist/.stamp-wheel
 INSTALLED := $(VENV)/.stamp-installed
 
+# The source distribution, and whether it holds what make made.
+define MAKE_SDIST
+rm -rf target/sdist
+$(PY) -m maturin sdist --out target/sdist
+@if tar tzf target/sdist/ipm_rs-*.tar.gz | grep -E '/(\.venv|target|dist|site)/'; then \
+    echo "the source distribution holds files that make made (above): see 'include' in Cargo.toml" >&2; exit 1; fi
+endef
+
 # The stamp carries the time at which the build began: a file saved while it ran is built the next time.
 $(WHEEL): $(SOURCES) $(BUILD)
 	@command -v $(CARGO) >/dev/null || { echo "cargo was not found: install Rust 1.89 or newer first" >&2; exit 1; }
 	@mkdir -p dist
 	@touch dist/.stamp-begin
 	rm -f dist/*.whl python/ipm_rs/*.so python/ipm_rs/*.pyd # a stale extension would win over the new one
+ifneq ($(SDIST),)
+	$(MAKE_SDIST)
+	CARGO_TARGET_DIR=$(CURDIR)/target MATURIN_PEP517_ARGS="--compatibility pypi $(LOCKED)" $(PIP) wheel --quiet --no-deps --wheel-dir dist target/sdist/ipm_rs-*.tar.gz
+else
 	$(PY) -m maturin build --release --quiet --out dist --interpreter $(PY) $(LOCKED)
+endif
 	@mv dist/.stamp-begin $@
 
 $(INSTALLED): $(WHEEL)
@@ -187,10 +202,7 @@ test-pythons: $(WHEEL) ## Install the wheel with NumPy alone into every Python 3
 
 # Unoptimised: it is to show that the sources are complete, and takes a fifth of the time.
 sdist: $(BUILD) ## Build the source distribution, and a wheel from it as pip would
-	rm -rf target/sdist
-	$(PY) -m maturin sdist --out target/sdist
-	@if tar tzf target/sdist/ipm_rs-*.tar.gz | grep -E '/(\.venv|target|dist|site)/'; then \
-	    echo "the source distribution holds files that make made (above): see 'include' in Cargo.toml" >&2; exit 1; fi
+	$(MAKE_SDIST)
 	CARGO_TARGET_DIR=$(CURDIR)/target CARGO_PROFILE_DEV_DEBUG=none MATURIN_PEP517_ARGS="--profile dev" $(PIP) wheel --quiet --no-deps --wheel-dir target/sdist target/sdist/ipm_rs-*.tar.gz
 	@ls -l target/sdist
 
@@ -206,8 +218,7 @@ check-wheel: $(WHEEL) ## Contents, licences, size, symbols and oldest C library 
 
 release-dry: $(BUILD) check-wheel ## What a release does, as far as one machine can: versions, wheel, sdist without a network, crate
 	$(PYTHON) scripts/release.py check
-	rm -rf target/sdist
-	$(PY) -m maturin sdist --out target/sdist
+	$(MAKE_SDIST)
 	$(PYTHON) scripts/build_offline.py $(ARGS) target/sdist/ipm_rs-*.tar.gz
 	$(CARGO) publish --dry-run --locked
 
