@@ -16,6 +16,24 @@ settings.register_profile("default", derandomize=True, deadline=None, max_exampl
 settings.register_profile("thorough", deadline=None, max_examples=2000)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "default"))
 
+# Modules that take more than 3.5 seconds of a core, 520 of 640 together; `make check` leaves them out as it does tests
+# that are marked slow themselves. Measured by the sums of `pytest --durations=0 -vv`.
+SLOW_MODULES = frozenset(
+    """
+    api_fuzz area board borders calibration_formats camera_geometry cli cli_batch demo doctor interrupts lenses
+    lut_files mosaic_out mosaic_refine mosaic_store out_of_memory pointfile_damage processes raster reader_kalibr
+    reader_mutations reader_npz reader_numbers reader_recognition reference_footprints refine_drive refine_overlaps
+    refine_points stacks streams_bags threads warp
+    """.split()
+)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark the tests of slow modules."""
+    for item in items:
+        if item.path.stem.removeprefix("test_") in SLOW_MODULES:
+            item.add_marker(pytest.mark.slow)
+
 
 @pytest.fixture(scope="session")
 def shared_data() -> Path:
