@@ -102,8 +102,8 @@ struct Known {
 const BESIDE: usize = 4;
 
 /// So many rows ahead taps are asked for. What two cameras see of a row are a few lines of the cache, far from those of the
-/// next row, so the CPU's own prefetching never begins: waiting for them took an eighth of a ring's build.
-const AHEAD: usize = 3;
+/// next row, so the CPU's own prefetching never begins: waiting for them took an eighth of a ring's build (the bench `rig`).
+const AHEAD: usize = 4;
 
 impl<'a> Resolution<'a> {
     /// # Errors
@@ -131,7 +131,7 @@ impl<'a> Resolution<'a> {
             }
             if !known.columns.iter().any(|known| known.start <= columns.start && columns.end <= known.end) {
                 let columns = columns.start.saturating_sub(BESIDE)..(columns.end + BESIDE).min(self.table.columns());
-                self.table.fetch(above + AHEAD, &columns);
+                self.table.fetch(above + AHEAD - 1, &columns);
                 near.read_columns(self.isa, self.table, above.checked_sub(1), &columns);
                 buffer::push("resolution", &mut known.columns, columns)?;
             }
