@@ -1,6 +1,7 @@
 //! Views of several cameras against their definition: each cell is the mean of its cameras' own views by their weights.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on should say so")]
+use ipm_rs::error::{Error, ViewError, WarpError};
 use ipm_rs::rig::{BlendMode, RigLut, RigOptions};
 use ipm_rs::{
     BevGrid, Camera, Ground, ImageMask, ImageView, ImageViewMut, Interpolation, KannalaBrandt, Lut, Pinhole, SampleAt,
@@ -98,6 +99,69 @@ fn each_cell_is_the_mean_of_its_cameras_by_their_weights() {
                 }
             }
         }
+    }
+}
+
+/// The transpose of a picture, as far as one camera goes: `<warp(image), grad>` is `<image, adjoint(grad)>`.
+#[test]
+fn what_cells_take_from_a_camera_they_give_back_to_it() {
+    let lut = RigLut::new(&cameras(), &grid(), &Ground::default(), &RigOptions::default()).unwrap();
+    let cells = (lut.columns(), lut.rows());
+    let mask = lut.mask().unwrap();
+    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+    for (interpolation, channels) in
+        [(Interpolation::Nearest, 1), (Interpolation::Bilinear, 2), (Interpolation::Area, 1)]
+    {
+        let options = WarpOptions { interpolation, border_value: vec![0.0], ..WarpOptions::default() };
+        let images: Vec<Vec<f64>> =
+            (0..4).map(|seed| image(seed, channels).iter().map(|&grey| f64::from(grey)).collect()).collect();
+        // what no camera shows may hold anything
+        let grads = [3, 5].map(|step: usize| -> Vec<f64> {
+            let grad = |at: usize| if mask[at / channels] { (at * step % 17) as f64 - 8.0 } else { f64::NAN };
+            (0..mask.len() * channels).map(grad).collect()
+        });
+        let views: Vec<_> = grads.iter().map(|grad| ImageView::new(grad, cells, channels).unwrap()).collect();
+        for camera in 0..4 {
+            let given: Vec<Vec<f64>> = [1, 3]
+                .map(|threads| {
+                    let mut outs = vec![vec![0.0; images[0].len()]; 2];
+                    let mut targets: Vec<_> =
+                        outs.iter_mut().map(|out| ImageViewMut::new(out, size(), channels).unwrap()).collect();
+                    let options = WarpOptions { threads: Some(threads), ..options.clone() };
+                    lut.warp_many_adjoint_into(camera, &views, &mut targets, &options).unwrap();
+                    outs.concat()
+                })
+                .to_vec();
+            assert_eq!(given[0], given[1], "threads");
+            // the picture of this camera alone, the others black
+            let black = vec![0.0; images[0].len()];
+            let alone: Vec<_> = (0..4)
+                .map(|other| {
+                    ImageView::new(if other == camera { &images[camera] } else { &black }, size(), channels).unwrap()
+                })
+                .collect();
+            let mut picture = vec![0.0; mask.len() * channels];
+            let mut view = ImageViewMut::new(&mut picture, cells, channels).unwrap();
+            lut.warp_into(&alone, &mut view, &options, &[]).unwrap();
+            for (grad, adjoint) in grads.iter().zip(given[0].chunks(images[0].len())) {
+                let seen: Vec<f64> = grad.iter().map(|&grad| if grad.is_nan() { 0.0 } else { grad }).collect();
+                let (there, back) = (dot(&picture, &seen), dot(&images[camera], adjoint));
+                assert!(dot(adjoint, adjoint) > 0.0);
+                assert!(
+                    (there - back).abs() < 1e-6 * there.abs().max(1e3),
+                    "{interpolation:?} {camera}: {there} {back}"
+                );
+            }
+        }
+        let mut out = vec![0.0; images[0].len()];
+        let mut outs = vec![ImageViewMut::new(&mut out, size(), channels).unwrap()];
+        let refused = |grads: &[ImageView<'_, f64>], outs: &mut [_]| {
+            lut.warp_many_adjoint_into(0, grads, outs, &options).unwrap_err()
+        };
+        assert!(matches!(refused(&views, &mut outs), Error::Warp(WarpError::ImageCount { images: 2, outs: 1 })));
+        let small = vec![0.0; 6 * channels];
+        let small = ImageView::new(&small, (3, 2), channels).unwrap();
+        assert!(matches!(refused(&[small], &mut outs), Error::View(ViewError::SizeMismatch { got: (3, 2), .. })));
     }
 }
 

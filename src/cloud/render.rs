@@ -53,7 +53,7 @@ impl Default for RenderOptions {
 /// an image of one channel of the camera's size. A point falls on the pixel that its own rounds to, halves to even.
 ///
 /// # Errors
-/// [`CloudError::DepthLimit`], [`ViewError::OutputShape`], [`CloudError::TooManyPoints`],
+/// [`CloudError::PointColumns`], [`CloudError::DepthLimit`], [`ViewError::OutputShape`], [`CloudError::TooManyPoints`],
 /// [`ThreadsError::Zero`](crate::error::ThreadsError::Zero), [`IsaError`](crate::error::IsaError) and
 /// [`Error::OutOfMemory`], before anything is written.
 pub fn render_points_into<T: PointSample>(
@@ -68,6 +68,9 @@ pub fn render_points_into<T: PointSample>(
         if got != (height, width, 1) {
             return Err(Error::View(ViewError::OutputShape { expected: (height, width, 1), got }));
         }
+    }
+    if points.columns() < 3 {
+        return Err(Error::Cloud(CloudError::PointColumns { expected: 3, got: points.columns() }));
     }
     super::check_points("camera", (width, height))?;
     let splat = Splat::new(options, width.max(height))?;

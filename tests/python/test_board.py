@@ -112,6 +112,9 @@ def test_what_is_no_board():
         refine.from_board(image[100:450, 150:700], **right | {"corners": (9, 6)})
     with refuses(ipm_rs.ArgumentError, "found none", "margin"):
         refine.from_board(np.full((60, 80), 90, np.uint8), **right)
+    for size in ((1, 1), (12, 300), (300, 15)):
+        with refuses(ipm_rs.ArgumentError, "found none"):
+            refine.from_board(np.full(size, 90, np.uint8), **right)
     with refuses(ipm_rs.ArgumentError, "found 0 of its corners"):
         refine.from_board(image[::4, ::4], **right, dictionary="DICT_4X4_50")
     for wrong in ({"square": 250}, {"square": 0}, {"corners": (1, 5)}, {"corners": (200, 5)}, {"at": (1, 2, 3)}):

@@ -126,10 +126,19 @@ def test_null_bytes_are_refused(frames, capsys):
         assert "null bytes" in capsys.readouterr().err
 
 
+#: `python -m ipm_rs`, which heeds Ctrl-C also where the tests are a shell's background job, whose children ignore it.
+HEEDING = """if True:
+    import runpy, signal
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    runpy.run_module("ipm_rs", run_name="__main__", alter_sys=True)
+"""
+
+
 def start(frames: list[str], *more: str) -> subprocess.Popen[str]:
     """Start a batch of pictures that take a while to be written, and wait until it writes one."""
     arguments = ["warp", "camera.json", *frames, "-o", "out", *GRID, "0.01", "--quiet", *more]
-    process = subprocess.Popen([sys.executable, "-m", "ipm_rs", *arguments], stderr=subprocess.PIPE, text=True)
+    command = [sys.executable, "-c", HEEDING, *arguments]
+    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
     while process.poll() is None and not list(Path().glob("out/.*.tmp")):
         time.sleep(0.001)
     return process

@@ -21,7 +21,8 @@ linux = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="signals
 
 #: What every snippet below finds.
 SETUP = """if True:
-    import sys, time, numpy as np, ipm_rs
+    import signal, sys, time, numpy as np, ipm_rs
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background job was told to ignore it
     rng = np.random.default_rng(1)
     K = [[500, 0, 319.5], [0, 500, 239.5], [0, 0, 1]]
     camera = ipm_rs.Camera.from_euler(K, image_size=(640, 480), position=(0, 0, 1.5), pitch=0.1)

@@ -86,7 +86,7 @@ def test_tables_hold_the_stated_bytes_a_cell() -> None:
     assert 8 * cells <= lut.nbytes < 8.05 * cells
     before = lut.nbytes
     lut.warp(image, interpolation="nearest")
-    assert lut.nbytes - before == 4 * cells
+    assert lut.nbytes - before == (4 * cells if ipm_rs.cpu_info()["isa"] == "avx2" else 0)
     before = lut.nbytes
     lut.warp(image, interpolation="area")
     assert 0.5 * cells < lut.nbytes - before < 1.5 * cells

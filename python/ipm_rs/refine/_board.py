@@ -22,6 +22,8 @@ from ipm_rs.refine._points import PoseFit, from_ground_points
 __all__ = ["from_board"]
 
 _MOST = 100
+#: Pixels along the shorter side of the smallest picture that may show four squares; OpenCV 5's finder fails below 13.
+_SMALLEST = 16
 _FEWEST_CHARUCO = 6
 
 
@@ -209,6 +211,8 @@ def _chessboard(cv2: ModuleType, grey: NDArray[np.uint8], counts: tuple[int, int
 
 
 def _detected(cv2: ModuleType, grey: NDArray[np.uint8], counts: tuple[int, int]) -> NDArray[np.float64] | None:
+    if min(grey.shape) < _SMALLEST:
+        return None
     # not CALIB_CB_EXHAUSTIVE: it took 6 s where there is no board, and found none that the older finder does not
     found, corners = cv2.findChessboardCornersSB(
         grey, counts, flags=cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_ACCURACY
