@@ -202,9 +202,9 @@ fn published_functions_give_what_they_publish() {
     }
 
     let lidar = depth_to_lidar(&view, &k, limit).unwrap();
-    for index in 0..pixels {
+    for (index, &number) in normalized.iter().enumerate() {
         let [forward, left, up] = [0, 1, 2].map(|row| lidar.points[row * pixels + index]);
-        let metres = if kept.contains(&index) { 1000.0 * normalized[index] } else { 0.0 };
+        let metres = if kept.contains(&index) { 1000.0 * number } else { 0.0 };
         let [x, y, z] = point(index, metres);
         assert!(close([forward, left, up], [z, x, y]), "{index}");
         assert_eq!(lidar.metres[index], metres);
