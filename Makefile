@@ -208,9 +208,12 @@ sdist: $(BUILD) ## Build the source distribution, and a wheel from it as pip wou
 
 # ---------------------------------------------------------------- release
 
-.PHONY: version check-wheel release-dry
+.PHONY: version home check-wheel release-dry
 version: ## Set the version everywhere: make version NEW=0.2.0
 	$(PYTHON) scripts/release.py bump $(NEW)
+
+home: ## Say everywhere where the source is: make home URL=https://host/owner/ipm_rs
+	$(PYTHON) scripts/release.py home $(URL)
 
 check-wheel: $(WHEEL) ## Contents, licences, size, symbols and oldest C library of the wheel
 	$(PYTHON) scripts/check_licences.py

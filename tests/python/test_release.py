@@ -46,7 +46,7 @@ def test_one_action_is_one_version():
 @pytest.fixture
 def release(tmp_path, monkeypatch):
     module = script("release")
-    for name in [*module.PLACES, "CHANGELOG.md"]:
+    for name in {*module.PLACES, *module.HOMES, "CHANGELOG.md"}:
         (tmp_path / name).parent.mkdir(exist_ok=True)
         shutil.copy(ROOT / name, tmp_path / name)
     monkeypatch.setattr(module, "ROOT", tmp_path)
@@ -62,13 +62,43 @@ def test_a_version_is_set_in_every_file(release, tmp_path):
     before = {name: (tmp_path / name).read_text().splitlines() for name in release.PLACES}
     release.bump("7.8.9")
     assert set(release.versions().values()) == {"7.8.9"}
+    with pytest.raises(SystemExit, match="address of the source"):
+        release.check("v7.8.9")
+    release.settle("https://host.example/a/ipm_rs")
     release.check("v7.8.9")
     for name, lines in before.items():
-        after = (tmp_path / name).read_text().splitlines()
+        after = [line for line in (tmp_path / name).read_text().splitlines() if "host.example" not in line]
         changed = [pair for pair in zip(lines, after, strict=True) if pair[0] != pair[1]]
         assert changed == [(line, line.replace(old, "7.8.9")) for line, _ in changed] and len(changed) == 1, name
     with pytest.raises(SystemExit, match=r"expected the tag v7\.8\.9"):
         release.check("v7.8.8")
+
+
+def test_where_the_source_is_stands_in_every_file(release, tmp_path):
+    before = {name: (tmp_path / name).read_text() for name in release.HOMES}
+    for url in ("https://host.example/a/ipm_rs", "https://elsewhere.example/group/b/ipm_rs"):
+        release.settle(url)
+        assert release.homes() == dict.fromkeys(release.HOMES, url)
+        for name, text in before.items():  # what was there stays, in its order
+            kept = iter((tmp_path / name).read_text().splitlines())
+            assert all(line in kept for line in text.splitlines()), name
+    text = (tmp_path / "pyproject.toml").read_text()
+    assert text.count("[project.urls]") == 1 and 'Issues = "https://elsewhere.example/group/b/ipm_rs/issues"' in text
+    # a table of its own, between two that are not part of it
+    tables = [line for line in text.splitlines() if line.startswith("[")]
+    assert tables[tables.index("[project.urls]") + 1] == "[project.optional-dependencies]"
+    (tmp_path / "CITATION.cff").write_text(before["CITATION.cff"])
+    with pytest.raises(SystemExit, match="expected one address of the source"):
+        release.check("")
+
+
+@pytest.mark.parametrize(
+    "wrong", ["", "http://host.example/a/b", "https://host.example", "https://h.example/a/b/", 'https://h/"']
+)
+def test_what_is_no_address_is_refused(release, tmp_path, wrong):
+    with pytest.raises(SystemExit, match="expected an address"):
+        release.settle(wrong)
+    assert release.homes() == script("release").homes()
 
 
 @pytest.mark.parametrize("wrong", ["0.0.1", "1", "1.2", "v9.0.0", "9.0.0-x", "9.0.0+1", ""])
