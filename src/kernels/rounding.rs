@@ -3,6 +3,7 @@
 use std::mem::MaybeUninit;
 use std::ops::Range;
 
+use super::runs::equal_prefix;
 use crate::error::Result;
 use crate::isa::{Isa, for_each_isa};
 use crate::table::{ONE, SpanKind, Tap};
@@ -123,25 +124,6 @@ fn quantise_inside(isa: Isa, row: Sampled<'_>, taps: &mut [MaybeUninit<u64>], ki
 
 fn classify(isa: Isa, row: Sampled<'_>, kinds: &mut [u8]) {
     for_each_isa!(isa, (kinds_of_cells, kinds_of_cells, kinds_of_cells)(row: Sampled<'_>, kinds: &mut [u8]));
-}
-
-/// Neighbouring equal bytes, from left to right.
-pub(crate) fn equal_runs(mut bytes: &[u8]) -> impl Iterator<Item = &[u8]> {
-    std::iter::from_fn(move || {
-        let run;
-        (run, bytes) = bytes.split_at(equal_prefix(bytes, *bytes.first()?));
-        Some(run)
-    })
-}
-
-/// How many entries at the start of `kinds` are `kind`: by 64, by 8 and one by one, because rows are mostly long runs.
-fn equal_prefix(kinds: &[u8], kind: u8) -> usize {
-    // not `==` of arrays, which calls the C library
-    let differ = |cells: &[u8; 64]| cells.iter().fold(0, |any, &cell| any | (cell ^ kind));
-    let long = 64 * kinds.as_chunks::<64>().0.iter().take_while(|cells| differ(cells) == 0).count();
-    let short = kinds[long..].as_chunks::<8>().0.iter().take_while(|&&cells| cells == [kind; 8]).count();
-    let done = long + 8 * short;
-    done + kinds[done..].iter().take_while(|&&cell| cell == kind).count()
 }
 
 /// The taps of all cells, and [`SpanKind::Inside`] or else [`SpanKind::Outside`] for each; `all` stays true where all are
@@ -290,19 +272,6 @@ mod tests {
                 assert_eq!(f64::from(tap.offset + tap.step_x()), u.round_ties_even(), "{isa:?} {u}");
             }
         }
-    }
-
-    #[test]
-    fn runs_of_equal_bytes_leave_none_out() {
-        let lengths = [1, 7, 8, 9, 63, 64, 65, 200, 1];
-        let bytes: Vec<u8> = lengths
-            .iter()
-            .enumerate()
-            .flat_map(|(nth, &length)| std::iter::repeat_n((nth % 2) as u8, length))
-            .collect();
-        assert!(equal_runs(&bytes).map(<[u8]>::len).eq(lengths));
-        assert!(equal_runs(&bytes).flatten().eq(&bytes));
-        assert_eq!(equal_runs(&[]).count(), 0);
     }
 
     #[test]
