@@ -8,7 +8,7 @@ use crate::error::Result;
 use crate::isa::{Isa, for_each_isa};
 use crate::kernels::FRACTION_BITS;
 use crate::parallel::{self, Work};
-use crate::table::Table;
+use crate::table::{Span, Table};
 use crate::view::{buffer, prefetch};
 
 impl Lut {
@@ -150,11 +150,7 @@ impl Table {
         if row >= self.rows() {
             return;
         }
-        for span in self.row(row).skip_while(|span| span.first + span.cells <= columns.start) {
-            if span.first >= columns.end {
-                break;
-            }
-            let taps = span.part(columns).taps;
+        for Span { taps, .. } in self.row_part(row, columns) {
             (0..taps.len()).step_by(LINE).for_each(|tap| prefetch(taps, tap));
         }
     }

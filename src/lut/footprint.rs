@@ -116,11 +116,8 @@ impl Coordinates {
             return;
         };
         let (width, edges) = (table.source().0, table.edges());
-        for span in table.row(row).skip_while(|span| span.first + span.cells <= columns.start) {
-            if span.first >= columns.end {
-                break;
-            }
-            self.read_coordinates(isa, &span.part(&columns), width, edges);
+        for span in table.row_part(row, &columns) {
+            self.read_coordinates(isa, &span, width, edges);
         }
     }
 

@@ -330,7 +330,7 @@ mod tests {
         }
     }
 
-    const SIDE: usize = 37;
+    const SIDE: usize = if cfg!(miri) { 11 } else { 37 };
 
     fn noise(state: &mut u64) -> u32 {
         *state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
@@ -340,7 +340,8 @@ mod tests {
     /// Windows of noise: of all sizes, with cells that do not count and some that are as good as others.
     fn contributions<T: Value>(channels: usize, of: impl Fn(u32) -> T) -> Vec<Contribution<'static, T>> {
         let mut state = 7;
-        let windows = [((0, 0), 37, 37), ((5, 7), 20, 30), ((5, 7), 20, 30), ((36, 0), 1, 37), ((3, 36), 9, 1)];
+        let (all, last, most) = (SIDE, SIDE - 1, ((SIDE / 7, SIDE / 5), SIDE / 2 + 2, SIDE - SIDE / 5));
+        let windows = [((0, 0), all, all), most, most, ((last, 0), 1, all), ((SIDE / 12, last), SIDE / 4, 1)];
         let one = |(id, &(at, rows, columns)): (usize, &((usize, usize), usize, usize))| {
             let cells = rows * columns;
             let values = (0..cells * channels).map(|_| of(noise(&mut state))).collect();
@@ -416,8 +417,8 @@ mod tests {
     fn what_does_not_fit_the_tile_is_refused_and_nothing_is_added() {
         let kept = Kept { channels: 1, samples: 0, labels: false };
         let good = contributions(1, |bits| bits as u8).remove(1);
-        let outside = Contribution { at: (18, 7), ..good.clone() };
-        let ragged = Contribution { columns: 31, ..good.clone() };
+        let outside = Contribution { at: (SIDE / 2, good.at.1), ..good.clone() };
+        let ragged = Contribution { columns: good.columns + 1, ..good.clone() };
         let deep = Contribution { values: vec![0; good.values.len() * 3].into(), ..good.clone() };
         let far = Contribution { at: (usize::MAX, usize::MAX - 3), ..good.clone() };
         for wrong in [outside, ragged, deep, far] {

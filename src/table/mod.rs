@@ -214,6 +214,15 @@ impl Table {
     pub(crate) fn row(&self, row: usize) -> impl Iterator<Item = Span<'_>> {
         self.band(row).spans(row)
     }
+
+    /// The same as far as these columns go, of which there is at least one.
+    #[inline]
+    pub(crate) fn row_part<'a>(&'a self, row: usize, columns: &'a Range<usize>) -> impl Iterator<Item = Span<'a>> {
+        self.row(row)
+            .skip_while(|span| span.first + span.cells <= columns.start)
+            .take_while(|span| span.first < columns.end)
+            .map(|span| span.part(columns))
+    }
 }
 
 /// Tables are equal where all cells are; what lies behind a band's taps is no part of it.
