@@ -9,7 +9,7 @@ mod common;
 use std::hint::black_box;
 
 use common::{seed_camera, seed_grid, textured};
-use ipm_rs::mosaic::{Frame, Kept, Layers, Tile};
+use ipm_rs::mosaic::{Frame, Kept, OwnedTile};
 use ipm_rs::rig::{RigLut, RigOptions};
 use ipm_rs::{
     BevGrid, Bilinear, Camera, F16, Ground, ImageView, ImageViewMut, Interpolation, Lut, Mapping, Pinhole, SampleAt,
@@ -176,24 +176,9 @@ fn mosaic(channels: usize) -> usize {
     let frame = Frame { camera, mask: None, ground: &ground, from: [0.0, 0.0], distance, weight: 1.0, id: 0 };
     let data = textured(PIXELS.0 * PIXELS.1 * channels);
     let image = ImageView::new(&data, PIXELS, channels).expect("the image fits its size");
-    let numbers = SIDE * SIDE * channels;
-    let (mut weights, mut totals, mut counts) = (vec![0; SIDE * SIDE], vec![0; numbers], vec![0; SIDE * SIDE]);
-    let (mut sums, mut squares) = (vec![0; numbers], vec![0; numbers]);
-    let (mut resolutions, mut bests) = (vec![0; SIDE * SIDE], vec![0; numbers]);
-    let kept = Kept { channels, samples: 0, labels: false };
+    let mut tile = OwnedTile::new(SIDE, Kept { channels, samples: 0, labels: false }).expect("memory for a tile");
     let mut add = || {
-        let layers = Layers {
-            weights: &mut weights,
-            totals: &mut totals,
-            counts: &mut counts,
-            sums: &mut sums,
-            squares: &mut squares,
-            resolutions: &mut resolutions,
-            bests: &mut bests,
-            keys: &mut [],
-            samples: &mut [],
-        };
-        let tile = Tile::new(SIDE, kept, layers).expect("layers of one tile");
+        let tile = tile.tile().expect("layers of one tile");
         frame.add(black_box(&image), &window, tile, (0, 0), Some(1)).expect("it fits the tile")
     };
     let cells = add();

@@ -1,9 +1,9 @@
-"""The Rust tests under tools that see what tests do not: `python scripts/test_checked.py miri` or `... asan`.
+"""The Rust tests under tools that see what tests do not: `python scripts/test_checked.py miri`, `... asan` or `... memcheck`.
 
 `miri` interprets the tests of views, tables, threads and what is merged from rows, and stops at undefined behaviour;
 it knows plain Rust only, so kernels of instruction sets are left to guard pages. `asan` runs all Rust tests under
-AddressSanitizer. Both need a nightly Rust; nothing is skipped: what is missing is named, with the command that brings
-it.
+AddressSanitizer. Both need a nightly Rust. `memcheck` runs them under valgrind's, which sees what is read before it was
+written too, and knows AVX2 but not AVX-512. What is missing is named, with the command that brings it.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from __future__ import annotations
 import os
 import platform
 import re
+import shutil
 import subprocess
 import sys
 import time
@@ -85,8 +86,23 @@ def asan() -> None:
     run("asan", command, environment, [])
 
 
+def memcheck() -> None:
+    """Run all under valgrind."""
+    if shutil.which("valgrind") is None:
+        raise SystemExit("missing: valgrind; apt-get install valgrind")
+    target = f"{platform.machine()}-unknown-linux-gnu"
+    skipped = [part for name in CLOCKS for part in ("--skip", name)]
+    command = ["cargo", "test", "--lib", "--tests", "--target", target, "--", *skipped]
+    environment = {
+        f"CARGO_TARGET_{target.upper().replace('-', '_')}_RUNNER": "valgrind --quiet --error-exitcode=99 --leak-check=no",
+        "CARGO_TARGET_DIR": "target/memcheck",
+        "PROPTEST_CASES": os.environ.get("PROPTEST_CASES", "2"),
+    }
+    run("memcheck", command, environment, [])
+
+
 if __name__ == "__main__":
-    modes = {"miri": miri, "asan": asan}
+    modes = {"miri": miri, "asan": asan, "memcheck": memcheck}
     if len(sys.argv) != 2 or sys.argv[1] not in modes:
         raise SystemExit(f"usage: {sys.argv[0]} {'|'.join(modes)}")
     os.chdir(Path(__file__).resolve().parent.parent)

@@ -1,59 +1,12 @@
 //! Frames of a drive on one tile: whatever their poses and in whatever order, the same integers.
 
-use ipm_rs::mosaic::{Frame, Kept, Layers, Tile};
+use ipm_rs::mosaic::{Frame, Kept, OwnedTile};
 use ipm_rs::{BevGrid, Ground, ImageView, SampleAt};
 
 use crate::input::Input;
 use crate::isas::{Random, noise};
 
 const SIDE: usize = 16;
-
-/// The layers of a tile.
-#[derive(Clone, PartialEq, Debug)]
-struct Sums {
-    weights: Vec<u64>,
-    totals: Vec<u64>,
-    counts: Vec<u32>,
-    sums: Vec<u64>,
-    squares: Vec<u64>,
-    resolutions: Vec<u16>,
-    bests: Vec<u8>,
-    keys: Vec<u32>,
-    samples: Vec<u8>,
-}
-
-impl Sums {
-    fn new(kept: Kept) -> Self {
-        let (cells, numbers) = (SIDE * SIDE, SIDE * SIDE * kept.channels);
-        let sums = if kept.labels { 0 } else { numbers };
-        Self {
-            weights: vec![0; cells],
-            totals: vec![0; sums],
-            counts: vec![0; cells],
-            sums: vec![0; sums],
-            squares: vec![0; sums],
-            resolutions: vec![0; cells],
-            bests: vec![0; numbers],
-            keys: vec![0; cells * kept.samples],
-            samples: vec![0; numbers * kept.samples],
-        }
-    }
-
-    fn tile(&mut self, kept: Kept) -> Tile<'_, u8> {
-        let layers = Layers {
-            weights: &mut self.weights,
-            totals: &mut self.totals,
-            counts: &mut self.counts,
-            sums: &mut self.sums,
-            squares: &mut self.squares,
-            resolutions: &mut self.resolutions,
-            bests: &mut self.bests,
-            keys: &mut self.keys,
-            samples: &mut self.samples,
-        };
-        Tile::new(SIDE, kept, layers).expect("all are as long as the others")
-    }
-}
 
 pub fn run(data: &[u8]) {
     let mut input = Input::new(data);
@@ -77,17 +30,19 @@ pub fn run(data: &[u8]) {
             Some((Frame { camera, mask: None, ground: &ground, from, distance, weight, id: id as u32 }, size, pixels))
         })
         .collect();
-    let add = |sums: &mut Sums, order: &mut dyn Iterator<Item = &(Frame<'_>, (usize, usize), Vec<u8>)>, threads| {
-        for (frame, size, pixels) in order {
-            let image = ImageView::new(pixels, *size, channels).expect("an image");
-            let before = sums.clone();
-            match frame.add(&image, &window, sums.tile(kept), at, Some(threads)) {
-                Ok(counted) => assert!(counted <= rows * columns),
-                Err(_) => assert!(*sums == before, "a frame that is refused adds nothing"),
+    let add =
+        |sums: &mut OwnedTile<u8>, order: &mut dyn Iterator<Item = &(Frame<'_>, (usize, usize), Vec<u8>)>, threads| {
+            for (frame, size, pixels) in order {
+                let image = ImageView::new(pixels, *size, channels).expect("an image");
+                let before = sums.clone();
+                match frame.add(&image, &window, sums.tile().expect("layers of one tile"), at, Some(threads)) {
+                    Ok(counted) => assert!(counted <= rows * columns),
+                    Err(_) => assert!(*sums == before, "a frame that is refused adds nothing"),
+                }
             }
-        }
-    };
-    let (mut one, mut other) = (Sums::new(kept), Sums::new(kept));
+        };
+    let mut one = OwnedTile::new(SIDE, kept).expect("memory for a small tile");
+    let mut other = one.clone();
     add(&mut one, &mut frames.iter(), 1);
     add(&mut other, &mut frames.iter().rev(), 2);
     assert!(one == other, "the order of frames changes the map");

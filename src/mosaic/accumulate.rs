@@ -244,6 +244,7 @@ impl<T: Value> Band<'_, T> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::mosaic::OwnedTile;
 
     #[test]
     fn keys_grow_with_the_resolution() {
@@ -274,63 +275,17 @@ mod tests {
         }
     }
 
-    /// The layers of a tile.
-    struct Sums<T> {
-        weights: Vec<u64>,
-        totals: Vec<u64>,
-        counts: Vec<u32>,
-        sums: Vec<u64>,
-        squares: Vec<u64>,
-        resolutions: Vec<u16>,
-        bests: Vec<T>,
-        keys: Vec<u32>,
-        samples: Vec<T>,
+    /// All numbers of a tile, one after another.
+    fn all<T: Value>(tile: &OwnedTile<T>) -> Vec<u64> {
+        let OwnedTile { weights, totals, sums, squares, .. } = tile;
+        let small = |values: &[T]| values.iter().map(|value| value.widened().into()).collect::<Vec<u64>>();
+        let words = |values: &[u32]| values.iter().map(|&value| value.into()).collect::<Vec<u64>>();
+        let resolutions = tile.resolutions.iter().map(|&value| value.into()).collect();
+        let others = [words(&tile.counts), words(&tile.keys), small(&tile.bests), small(&tile.samples), resolutions];
+        [weights, totals, sums, squares].into_iter().chain(&others).flatten().copied().collect()
     }
 
-    impl<T: Value + Default> Sums<T> {
-        fn new(side: usize, kept: Kept) -> Self {
-            let (cells, numbers) = (side * side, side * side * kept.channels);
-            let summed = if kept.labels { 0 } else { numbers };
-            Self {
-                weights: vec![0; cells],
-                totals: vec![0; summed],
-                counts: vec![0; cells],
-                sums: vec![0; summed],
-                squares: vec![0; summed],
-                resolutions: vec![0; cells],
-                bests: vec![T::default(); numbers],
-                keys: vec![0; cells * kept.samples],
-                samples: vec![T::default(); numbers * kept.samples],
-            }
-        }
-
-        fn layers(&mut self) -> Layers<'_, T> {
-            Layers {
-                weights: &mut self.weights,
-                totals: &mut self.totals,
-                counts: &mut self.counts,
-                sums: &mut self.sums,
-                squares: &mut self.squares,
-                resolutions: &mut self.resolutions,
-                bests: &mut self.bests,
-                keys: &mut self.keys,
-                samples: &mut self.samples,
-            }
-        }
-
-        /// All numbers, one after another.
-        fn all(&self) -> Vec<u64> {
-            let Self { weights, totals, sums, squares, .. } = self;
-            let small = |values: &[T]| values.iter().map(|value| value.widened().into()).collect::<Vec<u64>>();
-            let words = |values: &[u32]| values.iter().map(|&value| value.into()).collect::<Vec<u64>>();
-            let resolutions = self.resolutions.iter().map(|&value| value.into()).collect();
-            let others =
-                [words(&self.counts), words(&self.keys), small(&self.bests), small(&self.samples), resolutions];
-            [weights, totals, sums, squares].into_iter().chain(&others).flatten().copied().collect()
-        }
-    }
-
-    const SIDE: usize = if cfg!(miri) { 11 } else { 37 };
+    const SIDE: usize = if cfg!(miri) { 8 } else { 37 };
 
     fn noise(state: &mut u64) -> u32 {
         *state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
@@ -353,9 +308,9 @@ mod tests {
     }
 
     /// What adding is: cell by cell.
-    fn by_definition<T: Value + Default>(kept: Kept, contributions: &[Contribution<'_, T>]) -> Vec<u64> {
+    fn by_definition<T: Value>(kept: Kept, contributions: &[Contribution<'_, T>]) -> Vec<u64> {
         let (channels, count) = (kept.channels, kept.samples);
-        let mut sums = Sums::new(SIDE, kept);
+        let mut sums = OwnedTile::new(SIDE, kept).unwrap();
         for one in contributions {
             for (index, &resolution) in one.resolutions.iter().enumerate().filter(|&(_, &resolution)| resolution > 0) {
                 let cell = (one.at.0 + index / one.columns) * SIDE + one.at.1 + index % one.columns;
@@ -380,29 +335,29 @@ mod tests {
                 insert(&mut sums.keys[lists.0], &mut sums.samples[lists.1], key, values);
             }
         }
-        sums.all()
+        all(&sums)
     }
 
-    fn check<T: Value + Default>(of: impl Fn(u32) -> T + Copy) {
+    fn check<T: Value>(of: impl Fn(u32) -> T + Copy) {
         for (channels, samples, labels) in [(1, 0, false), (2, 3, false), (3, 0, false), (3, 2, false), (1, 2, true)] {
             let kept = Kept { channels, samples, labels };
             let contributions = contributions(channels, of);
             let expected = by_definition(kept, &contributions);
             for &isa in Isa::available() {
-                let mut sums = Sums::new(SIDE, kept);
-                let mut band = Band { layers: sums.layers(), rows: 0..SIDE, weights: vec![0; SIDE] };
+                let mut sums = OwnedTile::new(SIDE, kept).unwrap();
+                let mut band = Band { layers: sums.tile().unwrap().layers, rows: 0..SIDE, weights: vec![0; SIDE] };
                 band.add(isa, (SIDE, kept), &contributions);
-                assert!(sums.all() == expected, "{isa:?} {kept:?}");
+                assert!(all(&sums) == expected, "{isa:?} {kept:?}");
             }
             let mut reversed = contributions.clone();
             reversed.reverse();
             for (parts, threads) in [(1, 1), (1, 3), (2, 1), (5, 2)] {
-                let mut sums = Sums::new(SIDE, kept);
+                let mut sums = OwnedTile::new(SIDE, kept).unwrap();
                 for part in reversed.chunks(reversed.len().div_ceil(parts)) {
-                    let mut tile = Tile::new(SIDE, kept, sums.layers()).unwrap();
+                    let mut tile = sums.tile().unwrap();
                     tile.add(part, Some(threads)).unwrap();
                 }
-                assert!(sums.all() == expected, "{parts} parts {kept:?}");
+                assert!(all(&sums) == expected, "{parts} parts {kept:?}");
             }
         }
     }
@@ -422,11 +377,11 @@ mod tests {
         let deep = Contribution { values: vec![0; good.values.len() * 3].into(), ..good.clone() };
         let far = Contribution { at: (usize::MAX, usize::MAX - 3), ..good.clone() };
         for wrong in [outside, ragged, deep, far] {
-            let mut sums = Sums::new(SIDE, kept);
-            let mut tile = Tile::new(SIDE, kept, sums.layers()).unwrap();
+            let mut sums = OwnedTile::new(SIDE, kept).unwrap();
+            let mut tile = sums.tile().unwrap();
             let refused = tile.add(&[good.clone(), wrong], None);
             assert!(matches!(refused, Err(Error::Mosaic(_))), "{refused:?}");
-            assert!(sums.all().iter().all(|&number| number == 0));
+            assert!(all(&sums).iter().all(|&number| number == 0));
         }
     }
 }

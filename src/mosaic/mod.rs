@@ -7,29 +7,23 @@
 //! [`Frame::contribution`] and [`Tile::add`] are apart: several frames wait, and are added row by row at once.
 //!
 //! ```
-//! use ipm_rs::mosaic::{Frame, Kept, Layers, Tile};
+//! use ipm_rs::mosaic::{Frame, Kept, OwnedTile};
 //! use ipm_rs::{BevGrid, Camera, Ground, ImageView, Pinhole, SampleAt};
 //!
 //! # fn main() -> ipm_rs::Result<()> {
 //! const SIDE: usize = 40; // cells of a tile of 10 x 10 m, ahead of the camera
 //! let window = BevGrid::new((2.0, 12.0), (-5.0, 5.0), (0.25, 0.25), SampleAt::Center)?;
-//! let (mut weights, mut totals, mut counts) = (vec![0; SIDE * SIDE], vec![0; SIDE * SIDE], vec![0; SIDE * SIDE]);
-//! let (mut sums, mut squares) = (vec![0; SIDE * SIDE], vec![0; SIDE * SIDE]);
-//! let (mut resolutions, mut bests) = (vec![0; SIDE * SIDE], vec![0u8; SIDE * SIDE]);
-//! let layers = Layers {
-//!     weights: &mut weights, totals: &mut totals, counts: &mut counts, sums: &mut sums, squares: &mut squares,
-//!     resolutions: &mut resolutions, bests: &mut bests, keys: &mut [], samples: &mut [],
-//! };
+//! let kept = Kept { channels: 1, samples: 0, labels: false };
+//! let mut tile = OwnedTile::new(SIDE, kept)?;
 //! let lens = Pinhole::new(80.0, 80.0, 63.5, 47.5, 0.0)?;
 //! let camera = Camera::from_euler(lens, (128, 96), [0.0, 0.0, 1.5], 0.0, 0.3, 0.0)?;
 //! let (ground, distance) = (Ground::default(), (0.0, 20.0));
 //! let frame = Frame { camera, mask: None, ground: &ground, from: [0.0, 0.0], distance, weight: 1.0, id: 0 };
-//! let kept = Kept { channels: 1, samples: 0, labels: false };
 //! let pixels = vec![77u8; 128 * 96];
 //! let image = ImageView::new(&pixels, (128, 96), 1)?;
-//! let counted = frame.add(&image, &window, Tile::new(SIDE, kept, layers)?, (0, 0), None)?;
+//! let counted = frame.add(&image, &window, tile.tile()?, (0, 0), None)?;
 //! assert!(counted > 500);
-//! assert!(weights.iter().zip(&totals).all(|(weight, total)| *total == 77 * weight));
+//! assert!(tile.weights.iter().zip(&tile.totals).all(|(weight, total)| *total == 77 * weight));
 //! # Ok(())
 //! # }
 //! ```
@@ -37,10 +31,12 @@
 mod accumulate;
 mod contribution;
 pub(crate) mod error;
+mod owned;
 mod tile;
 mod windows;
 
 pub use contribution::Contribution;
+pub use owned::OwnedTile;
 pub use tile::{Kept, Layers, Tile, Value};
 pub use windows::Window;
 

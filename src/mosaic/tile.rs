@@ -37,7 +37,7 @@ pub struct Kept {
 
 impl Kept {
     /// Numbers a cell in layers of sums of values.
-    fn sums(self) -> usize {
+    pub(super) fn sums(self) -> usize {
         if self.labels { 0 } else { self.channels }
     }
 }
