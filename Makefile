@@ -156,8 +156,8 @@ bench-smoke: $(DEV) $(INSTALLED)
 # What takes from minutes to hours, and finds what nobody thought of. Nightly Rust where it is; each says what is missing.
 SECONDS ?= 60
 
-.PHONY: test-slow fuzz fuzz-files test-miri test-asan test-memory soak
-test-slow: fuzz fuzz-api fuzz-files test-miri test-asan test-memory soak test-neon test-no-avx ## Fuzzers, Miri, sanitizers, soak, other CPUs: an hour or more
+.PHONY: test-slow fuzz fuzz-files test-miri test-asan test-memcheck test-memory soak
+test-slow: fuzz fuzz-api fuzz-files test-miri test-asan test-memcheck test-memory soak test-neon test-no-avx ## Fuzzers, Miri, sanitizers, soak, other CPUs: an hour or more
 
 fuzz: ## Every fuzz target in turn: make fuzz SECONDS=600 TARGETS="tables lenses"
 	$(PYTHON) scripts/fuzz.py --seconds $(SECONDS) $(TARGETS)
@@ -172,6 +172,9 @@ test-miri: ## Miri: views, tables, threads and the merge of rows, at small sizes
 
 test-asan: ## The Rust tests under AddressSanitizer
 	$(PYTHON) scripts/test_checked.py asan
+
+test-memcheck: ## The Rust tests under valgrind's memcheck
+	$(PYTHON) scripts/test_checked.py memcheck
 
 test-memory: $(DEV) $(INSTALLED) ## The fast Python tests with Python's own checks of memory: PYTHONMALLOC=debug, -X dev
 	PYTHONMALLOC=debug $(PY) -X dev -m pytest -q -m "not slow" -p no:cacheprovider -W ignore::ResourceWarning $(ARGS)
