@@ -26,6 +26,12 @@ pub enum PoseError {
         /// Whether it is near enough to a rotation to be one that was written with few digits.
         is_coarse: bool,
     },
+    /// A translation that no place on a road has.
+    #[error("expected a translation of at most 1e12 metres, got {got:.3e}; give coordinates from a nearer origin")]
+    TooFar {
+        /// The coordinate.
+        got: f64,
+    },
     /// A 4x4 matrix whose last row is not (0, 0, 0, 1).
     #[error("expected a rigid 4x4 transform with last row [0, 0, 0, 1], got last row {got:?}")]
     LastRow {

@@ -10,6 +10,11 @@ const ORTHONORMALITY: f64 = 1e-4;
 /// Largest |R^T R - I| that a rotation of two or three digits can have, whose nearest rotation is meant.
 const FEW_DIGITS: f64 = 3e-2;
 
+/// Farthest that two frames' origins lie apart, metres. Beyond it float64 tells no tenth of a millimetre from the next, and far
+/// beyond it squares and inverses overflow, so that a camera stood nowhere. Earth-centred coordinates in millimetres reach
+/// 6.4e9.
+const FARTHEST: f64 = 1e12;
+
 /// A rigid transform `dst_from_src`: `p_dst = R p_src + t`, metres.
 ///
 /// The rotation is kept as given, not forced to be orthonormal: calibration files print six or seven digits, and the
@@ -24,10 +29,14 @@ impl Pose {
     /// A transform from its parts.
     ///
     /// # Errors
-    /// [`PoseError::NotFinite`], and [`PoseError::NotRigid`] where `|R^T R - I| > 1e-4` or `det R <= 0`.
+    /// [`PoseError::NotFinite`], [`PoseError::NotRigid`] where `|R^T R - I| > 1e-4` or `det R <= 0`, and
+    /// [`PoseError::TooFar`] where a coordinate of the translation exceeds 1e12 m.
     pub fn new(rotation: Matrix3<f64>, translation: Vector3<f64>) -> Result<Self, PoseError> {
         check_rotation(&rotation)?;
         check_finite(translation.as_slice())?;
+        if let Some(&got) = translation.iter().find(|along| along.abs() > FARTHEST) {
+            return Err(PoseError::TooFar { got });
+        }
         Ok(Self { rotation, translation })
     }
 
@@ -161,6 +170,16 @@ mod tests {
         let point = Vector3::new(10.0, 20.0, 30.0);
         assert!((pose.inverse().transform(&pose.transform(&point)) - point).abs().max() < 1e-13);
         assert_eq!(pose.rotation(), &coarse);
+    }
+
+    #[test]
+    fn frames_lie_at_most_so_far_apart() {
+        for far in [1.1e12, -1e300, f64::MAX] {
+            let refused = Pose::new(Matrix3::identity(), Vector3::new(0.0, far, 1.0));
+            assert_eq!(refused, Err(PoseError::TooFar { got: far }));
+        }
+        let pose = Pose::new(rotation_from_euler(0.1, 0.2, 0.3), Vector3::new(1e12, -1e12, 1e12)).unwrap();
+        assert!(pose.inverse().translation().iter().all(|along| along.is_finite()));
     }
 
     #[test]

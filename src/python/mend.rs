@@ -68,7 +68,7 @@ fn pose(error: &PoseError) -> Option<String> {
             return Some("give the pose alone, [R t] above [0, 0, 0, 1], without K or a scale".to_owned());
         }
         PoseError::NotRigid { scale, is_mirrored, is_coarse, .. } => (scale, is_mirrored, is_coarse),
-        PoseError::NotFinite { .. } => return None,
+        PoseError::NotFinite { .. } | PoseError::TooFar { .. } => return None,
     };
     let mut mends = Vec::new();
     if is_mirrored {

@@ -50,6 +50,10 @@ REFUSED = {
     ),
     "2147483647": (None, lambda: ipm_rs.rasterize(np.broadcast_to(np.float32(1.0), (1 << 31, 3)), grid())),
     "1024": (None, lambda: ipm_rs.set_num_threads(1025)),
+    "1e12 m": (
+        lambda: ipm_rs.Camera.from_euler(K, image_size=(64, 64), position=(7e11, -7e11, 1e11)),
+        lambda: ipm_rs.Camera.from_euler(K, image_size=(64, 64), position=(0.0, 1.1e12, 0.0)),
+    ),
     "1000": (
         lambda: camera((64, 64)).masked(hide=[[(0, 0), (1, 0), (1, 1)]] * 1000),
         lambda: camera((64, 64)).masked(hide=[[(0, 0), (1, 0), (1, 1)]] * 1001),
