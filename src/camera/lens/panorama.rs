@@ -47,7 +47,7 @@ macro_rules! panorama {
 
             /// The validity limit, radians from the axis.
             pub fn max_angle(&self) -> f64 {
-                self.cos_end.max(-1.0).acos()
+                self.limit.unwrap_or(std::f64::consts::PI)
             }
 
             pub(super) fn undistort(&self, [x, y]: [f64; 2]) -> Option<Vector3<f64>> {
@@ -90,4 +90,19 @@ panorama! {
     Equirectangular, "Equirectangular",
     |y, level| std::f64::consts::FRAC_PI_2.copysign(y) - angle_from_axis(level, y.abs()).copysign(y),
     |v| (v.abs() <= std::f64::consts::FRAC_PI_2).then(|| (v.cos(), v.sin()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_limit_is_told_as_it_was_given() {
+        // of the smallest the cosine is 1
+        for angle in [1e-9, 0.7, std::f64::consts::PI] {
+            assert_eq!(Equirectangular::new(Some(angle)).unwrap().max_angle(), angle);
+            assert_eq!(Cylindrical::new(Some(angle)).unwrap().max_angle(), angle);
+        }
+        assert_eq!(Cylindrical::new(None).unwrap().max_angle(), std::f64::consts::PI);
+    }
 }
