@@ -88,6 +88,11 @@ impl Isa {
         Self::parse(self.name())
     }
 
+    /// This instruction set if the CPU can run it, else scalar: for what callers may name where nothing can fail.
+    pub(crate) fn or_scalar(self) -> Self {
+        if Self::available().contains(&self) { self } else { Self::Scalar }
+    }
+
     fn parse(name: &str) -> Result<Self, IsaError> {
         let found = Self::available().iter().find(|isa| isa.name() == name.trim().to_ascii_lowercase());
         found.copied().ok_or_else(|| IsaError {
@@ -164,7 +169,8 @@ pub(crate) fn run<B: Body>(isa: Isa, body: B) -> B::Output {
     by_isa!(
         isa,
         Scalar => body.run(),
-        // SAFETY: an `Isa` other than scalar is only made where `Isa::is_supported` found what it needs.
+        // SAFETY: an `Isa` other than scalar comes here only from `active`, `checked`, `available` or `or_scalar`,
+        // which found that the CPU has what it needs.
         Avx2 => unsafe { avx2(body) },
         // SAFETY: as above.
         Avx512 => unsafe { avx512(body) },
@@ -190,7 +196,8 @@ macro_rules! for_each_isa {
         $crate::isa::by_isa!(
             $isa,
             Scalar => $scalar($($name),*),
-            // SAFETY: an `Isa` other than scalar is only made where `Isa::is_supported` found what it needs.
+            // SAFETY: an `Isa` other than scalar comes here only from `active`, `checked`, `available` or `or_scalar`,
+        // which found that the CPU has what it needs.
             Avx2 => unsafe { avx2($($name),*) },
             // SAFETY: as above.
             Avx512 => unsafe { avx512($($name),*) },

@@ -5,11 +5,13 @@
 mod isas;
 
 use ipm_rs::cloud::{
-    DepthKind, NO_POINT, RenderOptions, carla_084_points, depth_to_lidar, paint_into, render_points_into,
+    CarlaDepth, ChannelOrder, DepthKind, DepthRows, NO_POINT, RenderOptions, carla_084_points, depth_to_lidar,
+    paint_into, render_points_into,
 };
 use ipm_rs::error::{CloudError, Error, ViewError};
+use ipm_rs::raster::Coordinates;
 use ipm_rs::view::Strided;
-use ipm_rs::{Camera, ImageView, ImageViewMut, Pinhole};
+use ipm_rs::{Camera, ImageView, ImageViewMut, Isa, Pinhole};
 use isas::Random;
 use nalgebra::{Matrix3, Vector3};
 
@@ -149,6 +151,28 @@ fn what_cannot_be_drawn_is_an_error_and_touches_nothing() {
     assert!(matches!(refused, Err(Error::View(ViewError::OutputShape { .. }))));
 }
 
+/// What a caller names without having looked for it is the plain one.
+#[test]
+fn rows_are_decoded_also_with_an_instruction_set_that_the_cpu_lacks() {
+    let image: Vec<u8> = (0..4 * 40).map(|k| (k * 37 % 251) as u8).collect();
+    let image = ImageView::new(&image, (40, 1), 4).unwrap();
+    let depth = CarlaDepth::new(&image, ChannelOrder::Bgra).unwrap();
+    let mut rooms = [vec![0f32; 40], vec![0f32; 40]];
+    let points: Vec<f64> = (0..90).map(f64::from).collect();
+    let table = Strided::new(&points, 3).unwrap();
+    for isa in [Isa::Scalar, Isa::Avx2, Isa::Avx512, Isa::Neon] {
+        let [first, room] = &mut rooms;
+        let decoded = depth.row(isa, 0, room).to_vec();
+        if isa == Isa::Scalar {
+            first.clone_from(&decoded);
+        }
+        assert_eq!(&decoded, first, "{isa:?}");
+        let [mut x, mut y, mut z] = [[0.0; 30]; 3];
+        table.load(isa, 0, [&mut x, &mut y, &mut z]);
+        assert!((0..30).all(|i| [x[i], y[i], z[i]] == [0, 1, 2].map(|axis| f64::from(3 * i as u32 + axis))), "{isa:?}");
+    }
+}
+
 #[test]
 fn an_index_is_painted_with_the_values_that_it_names() {
     // -1 names nothing, nor do 3 and what is far beyond
@@ -214,6 +238,10 @@ fn published_functions_give_what_they_publish() {
     let single: Vec<f32> = normalized.iter().map(|&number| number as f32).collect();
     let lidar = depth_to_lidar(&ImageView::new(&single, (width, height), 1).unwrap(), &k, 1.0).unwrap();
     assert_eq!(lidar.metres[5], (f64::from(single[5]) * 1000.0) as f32);
+
+    let endless = ImageView::with_row_stride(&[0.5f32; 4], (4, 1 << 60), 1, 0, 0).unwrap();
+    assert!(matches!(depth_to_lidar(&endless, &k, limit), Err(Error::Cloud(CloudError::TooManyPoints { .. }))));
+    assert!(matches!(carla_084_points(&endless, &k, limit), Err(Error::Cloud(CloudError::TooManyPoints { .. }))));
 
     let flat = Matrix3::new(4.0, 0.0, 2.5, 8.0, 0.0, 5.0, 0.0, 0.0, 1.0);
     assert!(matches!(depth_to_lidar(&view, &flat, limit), Err(Error::Cloud(CloudError::Singular { .. }))));

@@ -162,6 +162,14 @@ fn what_cells_take_from_a_camera_they_give_back_to_it() {
         let small = vec![0.0; 6 * channels];
         let small = ImageView::new(&small, (3, 2), channels).unwrap();
         assert!(matches!(refused(&[small], &mut outs), Error::View(ViewError::SizeMismatch { got: (3, 2), .. })));
+        // the last of seventeen has another size: none is written
+        let mut memory = vec![vec![5.0; images[0].len()]; 17];
+        let sizes = (0..17).map(|nth| if nth < 16 { size() } else { (size().1, size().0) });
+        let mut outs: Vec<_> =
+            (memory.iter_mut().zip(sizes)).map(|(out, size)| ImageViewMut::new(out, size, channels).unwrap()).collect();
+        let refused = lut.warp_many_adjoint_into(0, &[views[0]; 17], &mut outs, &options);
+        assert!(matches!(refused, Err(Error::View(ViewError::OutputShape { .. }))));
+        assert!(memory.iter().flatten().all(|&number| number == 5.0));
     }
 }
 

@@ -51,8 +51,11 @@ impl Camera {
         if let Some(lens) = self.lens() {
             return Err(Error::Camera(CameraError::Horizon { lens: lens.name() }));
         }
-        let inverse = self.intrinsics().try_inverse().expect("focal lengths that are not 0");
-        let line = -(inverse.transpose() * (self.camera_from_vehicle().rotation() * plane.normal()));
+        // K^T is a lower triangle, and its determinant may be beyond float64
+        let (k, normal) = (self.intrinsics(), self.camera_from_vehicle().rotation() * plane.normal());
+        let a = normal.x / k[(0, 0)];
+        let b = (normal.y - k[(0, 1)] * a) / k[(1, 1)];
+        let line = -Vector3::new(a, b, normal.z - k[(0, 2)] * a - k[(1, 2)] * b);
         let norm = line.x.hypot(line.y);
         // in pixels beyond anything: rounding of a camera that looks straight down
         let seen = norm * 1e12 > line.z.abs();
@@ -75,6 +78,15 @@ mod tests {
     fn camera(roll: f64, pitch: f64) -> Camera {
         let model = Pinhole::new(400.0, 410.0, 330.0, 230.0, 2.5).unwrap();
         Camera::from_euler(model, (640, 480), [1.5, 0.3, 1.4], roll, pitch, -0.3).unwrap()
+    }
+
+    #[test]
+    fn the_line_of_a_tiny_focal_length_is_a_line() {
+        let model = Pinhole::new(1e-163, 1e-163, 320.0, 240.0, 0.0).unwrap();
+        let camera = Camera::from_euler(model, (640, 480), [0.0, 0.0, 1.4], 0.0, 0.1, 0.0).unwrap();
+        let [a, b, c] = camera.horizon_line(&Plane::from_angles(0.0, 0.0, 0.0).unwrap()).unwrap().unwrap();
+        // the horizon passes through the principal point, as all does
+        assert!((a, b) == (0.0, 1.0) && (c + 240.0).abs() < 1e-9, "{a} {b} {c}");
     }
 
     #[test]

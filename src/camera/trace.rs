@@ -25,6 +25,9 @@ const FAR: f64 = 1e7;
 const HALVINGS: usize = 1 << 16;
 const HALVINGS_A_PART: usize = 1 << 8;
 
+/// Parts that one curve may have: a line across the largest height map has 2^17.
+const MOST_PARTS: usize = 1 << 24;
+
 /// Pixels that two points of a piece are apart, if there is one more between them.
 const SHORTEST: f64 = 1e-3;
 
@@ -61,6 +64,9 @@ impl Tracer {
     /// # Errors
     /// [`CameraError::Winding`] for a curve that is not followed in any reasonable number of steps.
     pub(super) fn curve(&mut self, parts: usize, image: &impl Fn(f64) -> Option<Pixel>) -> Result<()> {
+        if parts > MOST_PARTS {
+            return Err(Error::Camera(CameraError::Winding { tolerance: self.tolerance }));
+        }
         self.left = self.left.saturating_add(HALVINGS_A_PART * parts);
         let mut start = (0.0, image(0.0));
         for part in 1..=parts {

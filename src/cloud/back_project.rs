@@ -77,7 +77,11 @@ pub trait DepthRows: Sync {
     /// Numbers of a pixel; only one will do.
     fn channels(&self) -> usize;
 
-    /// The numbers of row y; `room` has as many, and may be used for them.
+    /// The numbers of row y; `room` has as many, and may be used for them. An instruction set that the CPU lacks is the
+    /// plain one.
+    ///
+    /// # Panics
+    /// Where there is no such row, or no such room.
     fn row<'r>(&'r self, isa: Isa, y: usize, room: &'r mut [Self::Sample]) -> &'r [Self::Sample];
 }
 

@@ -147,7 +147,7 @@ impl DepthRows for CarlaDepth<'_> {
     }
 
     fn row<'r>(&'r self, isa: Isa, y: usize, room: &'r mut [f32]) -> &'r [f32] {
-        decode_row(isa, self.image, self.order, DepthUnit::Metres, y, room);
+        decode_row(isa.or_scalar(), self.image, self.order, DepthUnit::Metres, y, room);
         room
     }
 }

@@ -27,7 +27,7 @@ pub struct LidarPoints<T> {
 /// `max_depth`, and NaN, stay. The input is left alone, which the original changes.
 ///
 /// # Errors
-/// [`CloudError::Singular`], [`CloudError::DepthChannels`] and [`Error::OutOfMemory`].
+/// [`CloudError::Singular`], [`CloudError::DepthChannels`], [`CloudError::TooManyPoints`] and [`Error::OutOfMemory`].
 pub fn depth_to_lidar<T: PointSample>(
     normalized: &ImageView<'_, T>,
     k: &Matrix3<f64>,
@@ -59,7 +59,7 @@ pub fn depth_to_lidar<T: PointSample>(
 /// and its `y * width + x`.
 ///
 /// # Errors
-/// [`CloudError::Singular`], [`CloudError::DepthChannels`] and [`Error::OutOfMemory`].
+/// [`CloudError::Singular`], [`CloudError::DepthChannels`], [`CloudError::TooManyPoints`] and [`Error::OutOfMemory`].
 pub fn carla_084_points<T: PointSample>(
     normalized: &ImageView<'_, T>,
     k: &Matrix3<f64>,
@@ -88,6 +88,7 @@ fn checked<T: PointSample>(normalized: &ImageView<'_, T>, k: &Matrix3<f64>) -> R
     if normalized.channels() != 1 {
         return Err(Error::Cloud(CloudError::DepthChannels { expected: 1, got: normalized.channels() }));
     }
+    super::check_points("depth", (normalized.width(), normalized.height()))?;
     let inverse = k.try_inverse().filter(|inverse| inverse.iter().all(|entry| entry.is_finite()));
     inverse.ok_or_else(|| Error::Cloud(CloudError::Singular { got: super::rows(k) }))
 }

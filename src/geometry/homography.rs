@@ -64,8 +64,16 @@ pub fn homography_from_points(image: &[[f64; 2]], ground: &[[f64; 2]]) -> Result
         (u - image[0]).hypot(v - image[1]) / scale
     });
     let errors = buffer::collected(WHAT, errors)?;
-    let from_normal = to_image.try_inverse().expect("a scale that is not 0 and a shift");
-    Ok(GroundHomography { image_from_ground: from_normal * h * to_ground, errors })
+    // its determinant, the scale squared, may be beyond float64
+    let centre = [0, 1].map(|axis| -to_image[(axis, 2)] / scale);
+    let from_normal = Matrix3::new(scale.recip(), 0.0, centre[0], 0.0, scale.recip(), centre[1], 0.0, 0.0, 1.0);
+    let image_from_ground = from_normal * h * to_ground;
+    if !image_from_ground.iter().all(|entry| entry.is_finite()) {
+        let got = "numbers whose homography is beyond float64".to_owned();
+        let what = "image_points, ground_points";
+        return Err(Error::Points(PointsError::Unfit { what, expected: "pixels and metres", got }));
+    }
+    Ok(GroundHomography { image_from_ground, errors })
 }
 
 /// The points moved to a centre of 0 and a mean distance of sqrt(2) from it, and what moves them.
@@ -269,6 +277,22 @@ mod tests {
             -0.009719466681,
             -1.651833975096,
         )
+    }
+
+    #[test]
+    fn numbers_of_any_size_have_a_homography_or_an_error() {
+        let ground = [[5.0, -2.0], [5.0, 2.0], [20.0, -3.0], [20.0, 4.0], [11.0, 0.5]];
+        let image = seen(&seed(), &ground);
+        let scaled = |factor: f64| image.iter().map(|pixel| pixel.map(|at| at * factor)).collect::<Vec<_>>();
+        for factor in [1e-160, 1e160, 1e300] {
+            match homography_from_points(&scaled(factor), &ground) {
+                Ok(found) => assert!(found.image_from_ground.iter().all(|entry| entry.is_finite()), "{factor}"),
+                Err(error) => assert!(matches!(error, Error::Points(PointsError::Unfit { .. })), "{factor}: {error}"),
+            }
+        }
+        let far = homography_from_points(&scaled(1e160), &ground).unwrap();
+        let [u, v] = seen(&far.image_from_ground, &ground)[3];
+        assert!((u / image[3][0] / 1e160 - 1.0).abs() < 1e-9 && (v / image[3][1] / 1e160 - 1.0).abs() < 1e-9);
     }
 
     fn seen(h: &Matrix3<f64>, ground: &[[f64; 2]]) -> Vec<[f64; 2]> {

@@ -57,10 +57,12 @@ impl Ground {
     /// Where the ray from `origin` along `direction` first meets the road; `None` where it runs above it, along it or
     /// away, or ends where the road is unknown.
     pub fn intersect(&self, origin: &Vector3<f64>, direction: &Vector3<f64>) -> Option<Vector3<f64>> {
-        match self {
+        let met = match self {
             Self::Plane(plane) => plane.intersect(origin, direction),
             Self::HeightMap(map) => map.intersect(origin, direction),
-        }
+        };
+        // the way from an eye beyond all measure may be beyond float64
+        met.filter(|met| met.iter().all(|number| number.is_finite()))
     }
 
     /// Whether the road itself stands between `eye` and a point on it: behind a crest, or because the eye lies in the

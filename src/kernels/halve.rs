@@ -38,7 +38,8 @@ impl Pairs for u8 {
         by_isa!(
             isa,
             Scalar => 0,
-            // SAFETY: an `Isa` other than scalar is only made where `Isa::is_supported` found what it needs.
+            // SAFETY: an `Isa` other than scalar comes here only from `active`, `checked`, `available` or `or_scalar`,
+        // which found that the CPU has what it needs.
             Avx2 => unsafe {
                 match channels {
                     1 => x86::avx2::<1>(up, pixels, out),
@@ -67,7 +68,8 @@ impl Pairs for u8 {
         by_isa!(
             isa,
             Scalar => false,
-            // SAFETY: an `Isa` other than scalar is only made where `Isa::is_supported` found what it needs.
+            // SAFETY: an `Isa` other than scalar comes here only from `active`, `checked`, `available` or `or_scalar`,
+        // which found that the CPU has what it needs.
             Avx2 => unsafe {
                 match channels {
                     1 => avx2::boxes_u8::<1>(k, rows, out),

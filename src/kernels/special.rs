@@ -14,7 +14,8 @@ use crate::view::Sample;
 macro_rules! kernel {
     ($kernel:expr) => {
         Some(|source, taps, cells| {
-            // SAFETY: an `Isa` other than scalar is only made where `Isa::is_supported` found what its kernels need.
+            // SAFETY: an `Isa` other than scalar comes here only from `active`, `checked`, `available` or `or_scalar`,
+            // which found that the CPU has what its kernels need.
             unsafe { $kernel(source, taps, cells) }
         })
     };

@@ -72,6 +72,10 @@ impl Lut {
 fn coordinate(whole: i64, fraction: u32, step: u32) -> f32 {
     let nearest = (whole + i64::from(step)) as f32;
     let mut value = (whole as f64 + f64::from(fraction) / f64::from(ONE)) as f32;
+    if value.round_ties_even() != nearest {
+        // a step or two from the half; a file's tap may say anything, and lie 2^30 steps of float32 from it
+        value = (whole as f64 + 0.5) as f32;
+    }
     while value.round_ties_even() != nearest {
         value = if value > nearest { value.next_down() } else { value.next_up() };
     }
@@ -81,6 +85,15 @@ fn coordinate(whole: i64, fraction: u32, step: u32) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn taps_that_contradict_themselves_take_no_time() {
+        for (whole, fraction, step, expected) in
+            [(0, 0, 1, 0.5f32.next_up()), (0, 32767, 0, 0.5), (-1, 0, 1, -0.5), (1 << 30, 32767, 0, 1_073_741_800.0)]
+        {
+            assert_eq!(coordinate(whole, fraction, step), expected, "{whole} {fraction} {step}");
+        }
+    }
 
     #[test]
     fn float32_coordinates_keep_the_nearest_pixel_and_stay_close() {

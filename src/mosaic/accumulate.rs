@@ -66,7 +66,8 @@ pub(super) fn quantise(isa: Isa, distances: &Distances<'_>, pixels: &[f32], reso
     #[inline(always)]
     fn body(distances: &Distances<'_>, pixels: &[f32], resolutions: &mut [u16]) {
         let cells = resolutions.len();
-        let (near, far) = (distances.counted.0.powi(2), distances.counted.1.powi(2));
+        let (near, far) = distances.counted;
+        let (near, far) = (near * near.abs(), far * far); // a near one below 0 leaves out nothing
         let (pixels, y_squared) = (&pixels[..cells], &distances.y_squared[..cells]);
         for cell in 0..cells {
             let squared = distances.x_squared + y_squared[cell];
@@ -366,6 +367,26 @@ mod tests {
     fn frames_that_wait_are_added_as_one_by_one_in_any_order_on_every_instruction_set() {
         check(|bits| bits as u8);
         check(|bits| bits as u16);
+    }
+
+    #[test]
+    fn what_is_no_tile_is_refused() {
+        let one = Kept { channels: 1, samples: 0, labels: false };
+        let none = Kept { channels: 0, ..one };
+        let refused = OwnedTile::<u8>::new(4, none).unwrap().tile().map(|_| ());
+        assert!(matches!(refused, Err(Error::Mosaic(MosaicError::Channels { got: 0, .. }))), "{refused:?}");
+        let mut empty = OwnedTile::<u8>::new(0, one).unwrap();
+        let refused = Tile::new(1 << 32, one, empty.tile().unwrap().layers).map(|_| ());
+        assert!(matches!(refused, Err(Error::Mosaic(MosaicError::Layer { layer: "weights", got: 0, .. }))));
+    }
+
+    #[test]
+    fn a_near_distance_below_0_leaves_out_nothing() {
+        let y_squared = [0.0, 0.25, 4.0, 100.0];
+        let mut resolutions = [0; 4];
+        let distances = Distances { x_squared: 0.0, y_squared: &y_squared, counted: (-1.0, 5.0) };
+        quantise(Isa::Scalar, &distances, &[1.0; 4], &mut resolutions);
+        assert_eq!(resolutions.map(|resolution| resolution > 0), [true, true, true, false]);
     }
 
     #[test]

@@ -82,9 +82,14 @@ impl<'a, T> Tile<'a, T> {
     /// The tile of these layers.
     ///
     /// # Errors
-    /// [`MosaicError::Layer`] where one has another length than the others.
+    /// [`MosaicError::Channels`] of no channels, [`MosaicError::Layer`] where a layer has another length than the others.
     pub fn new(side: usize, kept: Kept, layers: Layers<'a, T>) -> Result<Self> {
-        let (cells, sums) = (side * side, side * side * kept.sums());
+        if kept.channels == 0 {
+            return Err(Error::Mosaic(MosaicError::Channels { expected: 1, got: 0 }));
+        }
+        // too many to be counted are more than any layer has
+        let of = |numbers: usize| side.saturating_mul(side).saturating_mul(numbers);
+        let (cells, sums) = (of(1), of(kept.sums()));
         for (layer, got, expected) in [
             ("weights", layers.weights.len(), cells),
             ("totals", layers.totals.len(), sums),
@@ -92,9 +97,9 @@ impl<'a, T> Tile<'a, T> {
             ("sums", layers.sums.len(), sums),
             ("squares", layers.squares.len(), sums),
             ("resolutions", layers.resolutions.len(), cells),
-            ("bests", layers.bests.len(), cells * kept.channels),
-            ("keys", layers.keys.len(), cells * kept.samples),
-            ("samples", layers.samples.len(), cells * kept.samples * kept.channels),
+            ("bests", layers.bests.len(), of(kept.channels)),
+            ("keys", layers.keys.len(), of(kept.samples)),
+            ("samples", layers.samples.len(), of(kept.samples.saturating_mul(kept.channels))),
         ] {
             if got != expected {
                 return Err(Error::Mosaic(MosaicError::Layer { layer, expected, got }));

@@ -52,6 +52,12 @@ impl Frame<'_> {
             step *= 2;
         }
         let unit = step as f64 * resolution;
+        // beyond it cells cannot be told apart by float64, and grids of the same corners have other numbers of them
+        let most = (1_u64 << 50) as f64 * resolution;
+        if let Some(far) = [("x", x), ("y", y)].into_iter().find(|(_, at)| at.abs() + reach >= most) {
+            let (axis, at) = far;
+            return Err(Error::Grid(GridError::Range { axis, min: at - reach, max: at + reach }));
+        }
         let coarse = |at: f64| {
             let (low, high) = (((at - reach) / unit).floor() as i64, ((at + reach) / unit).ceil() as i64);
             (low.saturating_sub(1), high.saturating_add(1)) // of a place that no map has; the grid is refused then
@@ -173,5 +179,7 @@ mod tests {
             assert!(matches!(frame(&ground, 0.0).windows(resolution, 64), Err(Error::Grid(_))), "{resolution}");
         }
         assert!(frame(&ground, 9e11).windows(0.1, 64).is_err());
+        let refused = frame(&ground, 9e11).windows(2f64.powi(-20), 64);
+        assert!(matches!(refused, Err(Error::Grid(GridError::Range { axis: "x", .. }))), "{refused:?}");
     }
 }

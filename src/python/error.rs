@@ -106,6 +106,7 @@ fn class_of(error: &Error) -> fn(String) -> PyErr {
             ViewError::EmptyImage { .. }
             | ViewError::ImageBuffer { .. }
             | ViewError::SizeMismatch { .. }
+            | ViewError::MaskSize { .. }
             | ViewError::OutputShape { .. } => ImageError::new_err,
         },
         Error::Rig(_)

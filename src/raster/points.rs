@@ -18,7 +18,11 @@ pub trait Coordinates: Sync {
     fn rows(&self) -> usize;
     /// Numbers of a point.
     fn columns(&self) -> usize;
-    /// Reads x, y and z (0 where there is none) of the points from `first` on, as many as the slices hold.
+    /// Reads x, y and z (0 where there is none) of the points from `first` on, as many as the slices hold. An instruction set
+    /// that the CPU lacks is the plain one.
+    ///
+    /// # Panics
+    /// Where there are not so many points, or only one number of each.
     fn load(&self, isa: Isa, first: usize, xyz: [&mut [f64]; 3]);
 }
 
@@ -42,7 +46,7 @@ impl<P: PointSample> Coordinates for Strided<'_, P> {
     }
 
     fn load(&self, isa: Isa, first: usize, [x, y, z]: [&mut [f64]; 3]) {
-        let count = x.len();
+        let (isa, count) = (isa.or_scalar(), x.len());
         if self.columns() < 3 {
             z.fill(0.0);
             for i in 0..count {

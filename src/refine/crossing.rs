@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, RowVector3, Vector3};
 
 use crate::camera::{Camera, Pinhole};
-use crate::error::{Error, Result, ViewError};
+use crate::error::{Error, PointsError, Result, ViewError};
 use crate::geometry::{OPTICAL_FROM_FLU, Pose, rotation_from_euler};
 use crate::ground::Plane;
 use crate::view::ImageView;
@@ -80,15 +80,20 @@ impl Crossing<'_> {
     /// What the second picture shows where the first looks along some rays of its optical frame.
     ///
     /// # Errors
-    /// [`ViewError::SizeMismatch`] for a mask that is not of the camera's size.
+    /// [`ViewError::MaskSize`] for a mask that is not of the camera's size, [`PointsError::Unfit`] for a picture of several
+    /// channels.
     pub fn shown(&self, rays: &[[f64; 3]], mountings: [Mounting; 2], with_slopes: bool) -> Result<Shown> {
         let expected = (self.camera.image_size().0 as usize, self.camera.image_size().1 as usize);
         if let Some(mask) = self.mask
             && mask.len() != expected.0 * expected.1
         {
-            return Err(Error::View(ViewError::SizeMismatch { expected, got: (mask.len(), 1) }));
+            return Err(Error::View(ViewError::MaskSize { expected, got: mask.len() }));
         }
-        let (between, scale) = (Between::new(self, mountings), 0.5_f64.powi(self.level as i32));
+        if self.picture.channels() != 1 {
+            let got = format!("{} channels", self.picture.channels());
+            return Err(Error::Points(PointsError::Unfit { what: "picture", expected: "one channel", got }));
+        }
+        let (between, scale) = (Between::new(self, mountings), 0.5_f64.powi(self.level.min(64) as i32));
         let mut shown = Shown { values: Vec::with_capacity(rays.len()), slopes: Vec::new() };
         if !with_slopes {
             for ray in rays {
@@ -388,6 +393,9 @@ mod tests {
         let masked = Crossing { mask: Some(&hidden), ..plain };
         assert!(masked.shown(&rays, [AT; 2], false).unwrap().values.iter().all(|value| value.is_nan()));
         let wrong = Crossing { mask: Some(&hidden[1..]), ..plain };
-        assert!(matches!(wrong.shown(&rays, [AT; 2], false), Err(Error::View(ViewError::SizeMismatch { .. }))));
+        assert!(matches!(wrong.shown(&rays, [AT; 2], false), Err(Error::View(ViewError::MaskSize { .. }))));
+        let coloured = ImageView::new(&picture[..300 * 66 * 3], (300, 66), 3).unwrap();
+        let wrong = Crossing { picture: coloured, mask: None, ..wrong };
+        assert!(matches!(wrong.shown(&rays, [AT; 2], false), Err(Error::Points(PointsError::Unfit { .. }))));
     }
 }

@@ -18,6 +18,9 @@ impl RigLut {
     ///
     /// # Errors
     /// Those of [`Lut::warp_many_adjoint_into`](crate::Lut::warp_many_adjoint_into).
+    ///
+    /// # Panics
+    /// Where the rig has no such camera.
     pub fn warp_many_adjoint_into<T: PointSample>(
         &self,
         camera: usize,
@@ -39,6 +42,12 @@ impl RigLut {
             }
         }
         let table = self.table_of(camera);
+        let (width, height) = self.source_size(camera);
+        let expected_out = (height as usize, width as usize, channels);
+        // all of them, before the first sixteen are written
+        if let Some(out) = outs.iter().find(|out| out.shape() != expected_out) {
+            return Err(ViewError::OutputShape { expected: expected_out, got: out.shape() }.into());
+        }
         let shares = self.shares(table, options.interpolation)?;
         let samples = self.rows() * self.columns() * channels;
         let mut weighted = buffer::filled(WHAT, samples * grads.len().min(AT_ONCE), T::default())?;

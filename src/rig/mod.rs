@@ -118,8 +118,8 @@ impl RigLut {
     ///
     /// # Errors
     /// [`RigError`] for no or too many cameras, names that are there twice, masks of another size and a feather that is
-    /// none; [`RasterError::Shape`](crate::error::RasterError::Shape) for a polygon that is none, [`Error::NotFinite`]
-    /// for `feather`, and those of [`Lut::new`].
+    /// none; [`RasterError::Shape`](crate::error::RasterError::Shape) for a polygon that is none, and those
+    /// of [`Lut::new`].
     pub fn new(cameras: &[(&str, Camera)], grid: &BevGrid, ground: &Ground, options: &RigOptions<'_>) -> Result<Self> {
         let order = order_of_names(cameras)?;
         check_masks(cameras, &options.masks)?;
@@ -164,6 +164,9 @@ impl RigLut {
     }
 
     /// (width, height) of the images of a camera, by its place in the rig.
+    ///
+    /// # Panics
+    /// Where the rig has no such camera.
     pub fn source_size(&self, camera: usize) -> (u32, u32) {
         self.tables[self.table_of(camera)].source_size()
     }
@@ -202,6 +205,9 @@ impl RigLut {
     ///
     /// # Errors
     /// [`Error::OutOfMemory`].
+    ///
+    /// # Panics
+    /// Where the rig has no such camera.
     pub fn seen(&self, camera: usize) -> Result<Vec<bool>> {
         let region = &self.seen[self.table_of(camera)];
         let mut seen = buffer::filled(WHAT, self.rows() * self.columns(), false)?;
@@ -217,6 +223,9 @@ impl RigLut {
     ///
     /// # Errors
     /// [`Error::OutOfMemory`].
+    ///
+    /// # Panics
+    /// Where the rig has no such camera.
     pub fn weights(&self, camera: usize) -> Result<Vec<f32>> {
         let table = self.table_of(camera);
         let mut weights = buffer::zeroed::<u32>(WHAT, self.rows() * self.columns())?;

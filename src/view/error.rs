@@ -56,6 +56,14 @@ pub enum ViewError {
         /// (width, height) of the image.
         got: (usize, usize),
     },
+    /// A mask of another number of pixels than its images.
+    #[error("mask: expected a pixel for each of the {} x {} of its images, got {got}", expected.0, expected.1)]
+    MaskSize {
+        /// (width, height) of the images.
+        expected: (usize, usize),
+        /// Pixels that came.
+        got: usize,
+    },
     /// An output of the wrong shape.
     #[error("out: expected (rows, columns, channels) = {expected:?}, got {got:?}")]
     OutputShape {

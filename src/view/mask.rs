@@ -21,11 +21,15 @@ impl ImageMask {
     /// The mask of images of (width, height), row-major, true where they show the road.
     ///
     /// # Errors
-    /// [`ViewError::SizeMismatch`] for another number of pixels.
+    /// [`ViewError::EmptyImage`], and [`ViewError::MaskSize`] for another number of pixels.
     pub fn new(size: (u32, u32), shown: Vec<bool>) -> Result<Self> {
         let expected = (size.0 as usize, size.1 as usize);
+        if expected.0 == 0 || expected.1 == 0 {
+            let (width, height) = expected;
+            return Err(Error::View(ViewError::EmptyImage { what: WHAT, width, height, channels: 1 }));
+        }
         if shown.len() != expected.0 * expected.1 {
-            return Err(Error::View(ViewError::SizeMismatch { expected, got: (shown.len(), 1) }));
+            return Err(Error::View(ViewError::MaskSize { expected, got: shown.len() }));
         }
         Ok(Self { size, shown })
     }
@@ -68,6 +72,9 @@ impl ImageMask {
     ///
     /// # Errors
     /// [`Error::OutOfMemory`].
+    ///
+    /// # Panics
+    /// Where the rectangle is not inside.
     pub fn cropped(&self, x: u32, y: u32, width: u32, height: u32) -> Result<Self> {
         let of = |first: u32| move |pixel: u32| first + pixel..first + pixel + 1;
         self.of_blocks((width, height), of(x), of(y))
@@ -77,6 +84,9 @@ impl ImageMask {
     ///
     /// # Errors
     /// [`Error::OutOfMemory`].
+    ///
+    /// # Panics
+    /// For blocks of no pixels.
     pub fn binned(&self, x: u32, y: u32) -> Result<Self> {
         let of = |block: u32| move |pixel: u32| pixel * block..(pixel + 1) * block;
         self.of_blocks((self.size.0 / x, self.size.1 / y), of(x), of(y))
@@ -127,6 +137,13 @@ impl ImageMask {
 mod tests {
     use super::*;
 
+    #[test]
+    fn a_mask_of_no_image_is_refused() {
+        for size in [(0, 0), (0, 3), (3, 0)] {
+            assert!(matches!(ImageMask::new(size, vec![]), Err(Error::View(ViewError::EmptyImage { .. }))));
+        }
+    }
+
     fn mask(width: u32, rows: &[&str]) -> ImageMask {
         let shown = rows.iter().flat_map(|row| row.bytes().map(|pixel| pixel == b'#')).collect();
         ImageMask { size: (width, rows.len() as u32), shown }
@@ -150,6 +167,6 @@ mod tests {
     #[test]
     fn another_number_of_pixels_is_refused() {
         assert_eq!(ImageMask::new((5, 3), vec![true; 15]).unwrap().size(), (5, 3));
-        assert!(matches!(ImageMask::new((5, 3), vec![true; 16]), Err(Error::View(ViewError::SizeMismatch { .. }))));
+        assert!(matches!(ImageMask::new((5, 3), vec![true; 16]), Err(Error::View(ViewError::MaskSize { .. }))));
     }
 }

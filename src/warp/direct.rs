@@ -59,7 +59,7 @@ impl Mapping<'_> {
     }
 }
 
-/// Warps an image without a table, bilinear or nearest. Of floats, bilinear takes coordinates as they are, not in the
+/// Warps an image without a table, by any interpolation but area and mode. Of floats, bilinear takes coordinates as they are, not in the
 /// steps of a table.
 ///
 /// # Errors

@@ -102,7 +102,9 @@ impl<'a, T: Sample + Ord> Labels<'a, T> {
             check_interrupt()?;
             for &id in row {
                 if id != last.0 {
-                    last = (id, ids.partition_point(|&other| other < id) as u8);
+                    // another thread may write to the image: an id that was not there is taken for one that was
+                    let place = ids.partition_point(|&other| other < id).min(ids.len() - 1);
+                    last = (id, place as u8);
                 }
                 places.push(last.1);
             }
