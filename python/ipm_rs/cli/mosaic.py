@@ -25,6 +25,7 @@ from ipm_rs.cli.arguments import (
 )
 from ipm_rs.cli.drive import Poses, cameras_of, stream_of
 from ipm_rs.cli.frames import Counted
+from ipm_rs.cli.mosaic_names import Names
 from ipm_rs.cli.printing import emit, error_line, no_progress, progress_bar
 from ipm_rs.errors import ArgumentError, FileError, ImageError
 from ipm_rs.files import images
@@ -41,8 +42,8 @@ def add(commands: Commands) -> None:
         help="make a map of the road from a drive",
         description="""\
 Add every frame of a drive to a map of the road, of tiles in a folder, and draw it. A run that was stopped goes on where
-it was when the same command is given again; frames of the same names are added once. A folder that holds a map already
-gets the frames of another drive in addition.
+it was when the same command is given again: a frame is added once, also from a folder that was moved. A folder that
+holds a map already gets the frames of another drive in addition, whatever their files are called.
 
 The map's axes are those of the poses. Each cell is made of the frames that resolve it best.""",
         examples="""\
@@ -138,7 +139,7 @@ The map's axes are those of the poses. Each cell is made of the frames that reso
     )
     running.add_argument("--strict", action="store_true", help="stop at the first frame that cannot be read")
     running.add_argument("--force", action="store_true", help="replace an existing picture or GeoTIFF")
-    running.add_argument("--quiet", action="store_true", help="print nothing but errors")
+    running.add_argument("--quiet", action="store_true", help="print nothing but warnings and errors")
     mosaic.set_defaults(run=run)
 
 
@@ -165,15 +166,21 @@ def run(args: argparse.Namespace) -> None:
     if args.ray is not None:
         mosaic_ray.check(args, sources, poses)
     with _opened(args) as mosaic:
-        done = Done()
+        done, names = Done(), Names(mosaic, stream, cameras, poses)
         if args.ray is None:
-            _add_all(mosaic, stream, cameras, poses, ground, args, done)
+            _add_all(mosaic, stream, cameras, poses, names, ground, args, done)
         else:
-            mosaic_ray.add_all(mosaic, stream, cameras, poses, ground, args, done)
+            mosaic_ray.add_all(mosaic, stream, cameras, poses, names, ground, args, done)
         begin = perf_counter()
         mosaic.commit()
         done.seconds["write"] += perf_counter() - begin
         _draw(mosaic, done, args)
+        if done.bare:
+            emit(
+                f"ipm-rs: warning: {args.output}: {done.bare} frames were taken for those of the same file names that "
+                "an earlier version or Mosaic.add put there; map another drive into a new folder",
+                sys.stderr,
+            )
         if not args.quiet:
             emit(done.told(args.output, mosaic))
     if done.failed:
@@ -209,7 +216,7 @@ class Done:
     """What a run did."""
 
     def __init__(self) -> None:
-        self.added = self.there = self.failed = self.cells = 0
+        self.added = self.there = self.bare = self.failed = self.cells = 0
         self.metres = 0.0
         self.track: list[Any] = []
         self.seconds = {"read": 0.0, "add": 0.0, "write": 0.0}
@@ -239,6 +246,7 @@ def _add_all(
     stream: streams.Stream,
     cameras: Any,
     poses: Poses,
+    names: Names,
     ground: Any,
     args: argparse.Namespace,
     done: Done,
@@ -247,7 +255,7 @@ def _add_all(
     show = not args.quiet and sys.stderr.isatty()
     with (progress_bar("frame") if show else no_progress)(Counted(stream.count)) as (bar, say):
         steps = iter(bar)
-        for ticket, frame, took in _decoded(stream, mosaic):
+        for ticket, name, frame, took in _decoded(stream, names):
             next(steps, None)
             if isinstance(frame, Exception):
                 if args.strict:
@@ -255,8 +263,9 @@ def _add_all(
                 done.fails(frame, say)
                 continue
             before = poses.before
-            if frame is None:
+            if frame is None or name in mosaic:  # which it was not yet when the frame was decoded
                 done.there += 1
+                done.bare += name not in mosaic
                 poses.before = None
                 done.goes_to(poses.given(ticket))
                 continue
@@ -268,27 +277,32 @@ def _add_all(
             seen = frame.camera if takes_own and frame.camera is not None else cameras
             place: dict[str, Any] = {"map_from_vehicle": pose, "ground": ground, "distance": args.distance}
             gain = mosaic.gain(seen, frame.image, **place) if args.gains else 1.0
-            done.cells += mosaic.add(seen, frame.image, gain=gain, name=ticket.name, **place)
+            held = mosaic.frames
+            done.cells += mosaic.add(seen, frame.image, gain=gain, name=name, **place)
             done.seconds["read"] += took
             done.seconds["add"] += perf_counter() - begin
-            done.added += 1
+            done.added += mosaic.frames - held
 
 
-def _decoded(stream: streams.Stream, mosaic: ipm_rs.Mosaic) -> Iterator[tuple[streams.Ticket, Any, float]]:
-    """Yield tickets with their frame, None where the map has it, or what is wrong with it, and the seconds waited."""
+def _decoded(stream: streams.Stream, names: Names) -> Iterator[tuple[streams.Ticket, str, Any, float]]:
+    """Yield tickets, their names in the map, their frame and the seconds waited.
 
-    def load(ticket: streams.Ticket) -> Any:
-        if ticket.name in mosaic:
-            return None
+    Instead of a frame it is None where the map has it, or what is wrong with it.
+    """
+
+    def load(ticket: streams.Ticket) -> tuple[str, Any]:
+        name = names.of(ticket)
+        if names.has(ticket, name):
+            return name, None
         try:
-            return ticket.load()
+            return name, ticket.load()
         except (FileError, ImageError) as error:
-            return error
+            return name, error
 
     begin = perf_counter()
     with contextlib.closing(ordered(stream.tickets(), load, cpus())) as results:
         for ticket, future in results:
-            yield ticket, future.result(), perf_counter() - begin
+            yield ticket, *future.result(), perf_counter() - begin
             begin = perf_counter()
 
 

@@ -14,6 +14,7 @@ import numpy as np
 import ipm_rs
 from ipm_rs import streams
 from ipm_rs.cli.drive import Poses
+from ipm_rs.cli.mosaic_names import Names
 from ipm_rs.cli.printing import emit
 from ipm_rs.errors import ArgumentError, IpmError
 
@@ -42,12 +43,13 @@ def add_all(
     stream: streams.Stream,
     cameras: Any,
     poses: Poses,
+    names: Names,
     ground: Any,
     args: argparse.Namespace,
     done: Done,
 ) -> None:
     """Add all frames that the map does not hold."""
-    begin = perf_counter()
+    begin, sent = perf_counter(), set[str]()
 
     def report(_: int, failed: list[IpmError]) -> None:
         for error in failed:
@@ -57,12 +59,15 @@ def add_all(
         for ticket in stream.tickets():
             pose = poses.at(ticket, None)
             done.goes_to(pose)
-            if ticket.name in mosaic:
+            name = names.of(ticket)
+            if name in sent or names.has(ticket, name):
                 done.there += 1
+                done.bare += name not in sent and name not in mosaic
                 continue
+            sent.add(name)
             if len(done.track) > 1:
                 done.metres += float(np.hypot(*(done.track[-1] - done.track[-2])))
-            yield cameras, functools.partial(_image_of, ticket), pose, ticket.name
+            yield cameras, functools.partial(_image_of, ticket), pose, name
 
     done.added = ipm_rs.ray.mosaic(
         frames(),

@@ -67,7 +67,8 @@ def stream_of(path: str, shots: Sequence[Shot], ground: float | None = None) -> 
 
 def _tickets(shots: Sequence[Shot]) -> Iterator[Ticket]:
     for index, shot in enumerate(shots):
-        yield Ticket(shot.path.stem, index, shot.timestamp, functools.partial(_load, shot, index))
+        load = functools.partial(_load, shot, index)
+        yield Ticket(shot.path.stem, index, shot.timestamp, load, shot.path)
 
 
 def _load(shot: Shot, index: int) -> Frame:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -48,13 +49,15 @@ class Frame:
 class Ticket:
     """A frame that is still to be decoded: `load` does it, on whatever thread calls it.
 
-    `load` raises FileError or ImageError where this one frame is damaged; the stream goes on after it.
+    `load` raises FileError or ImageError where this one frame is damaged; the stream goes on after it. `path` is the
+    picture's file, where it has one of its own.
     """
 
     name: str
     index: int
     timestamp: float | None
     load: Callable[[], Frame]
+    path: Path | None = None
 
 
 @dataclass(frozen=True)

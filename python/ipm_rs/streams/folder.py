@@ -84,7 +84,7 @@ def order(path: Path | str) -> list[tuple[int, str]]:
 
 def _tickets(paths: list[Path]) -> Iterator[Ticket]:
     for index, path in enumerate(paths):
-        yield Ticket(path.stem, index, None, functools.partial(_load, path, index))
+        yield Ticket(path.stem, index, None, functools.partial(_load, path, index), path)
 
 
 def _load(path: Path, index: int) -> Frame:
