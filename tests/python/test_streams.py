@@ -179,6 +179,53 @@ def test_it_goes_on_where_it_stopped(folder, tmp_path):
     assert all((tmp_path / "out" / name).stat().st_mtime_ns == stamp for name, stamp in before.items())
 
 
+@pytest.mark.parametrize("ending", sinks.VIDEO_CODECS)
+def test_every_kind_of_video_has_every_frame(folder, tmp_path, ending):
+    summary = streams.warp(streams.open(folder), LUT, tmp_path / f"a{ending}")
+    assert (summary.done, summary.failed) == (3, [])
+    assert [frame.timestamp for frame in streams.open(tmp_path / f"a{ending}")] == pytest.approx(
+        [0, 0.04, 0.08], abs=2e-3
+    )
+    write_video(tmp_path / "uneven.mkv", [smooth(n) for n in range(5)], [0, 100, 101, 400, 530])
+    assert streams.warp(streams.open(tmp_path / "uneven.mkv"), LUT, tmp_path / f"b{ending}").failed == []
+    with av.open(str(tmp_path / f"b{ending}")) as container:
+        assert sum(1 for _ in container.decode(video=0)) == 5
+
+
+def test_frames_of_one_name_are_refused_before_anything_is_written(folder, tmp_path):
+    (tmp_path / "more").mkdir()
+    (tmp_path / "more" / "2.png").write_bytes((folder / "10.png").read_bytes())
+    pattern = str(tmp_path / "[fm]*" / "*.png")
+    for out, more in (("out", {}), ("out", {"skip_existing": True}), ("a.mp4", {"mask": tmp_path / "out"})):
+        with refuses(errors.ArgumentError, "2.png"):
+            streams.warp(streams.open(pattern), LUT, tmp_path / out, **more)
+    for out, more in (("out", {"mask": tmp_path / "more" / ".." / "out"}), ("a.mp4", {"mask": tmp_path / "a.mp4"})):
+        with refuses(errors.ArgumentError, "mask"):
+            streams.warp(streams.open(folder), LUT, tmp_path / out, **more)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["frames", "more"]
+    assert streams.warp(streams.open(pattern), LUT, tmp_path / "a.mp4").done == 4
+    shards = streams.warp(streams.open(pattern), LUT, tmp_path / "shards", ending=".npz")
+    assert shards.done == 4
+
+
+def test_a_second_frame_of_a_name_never_replaces_the_first(folder, tmp_path):
+    """Of a stream whose frames have no files of their own."""
+    pictures = [textured(48, 64, 3, seed=n) for n in range(3)]
+
+    def tickets():
+        for index, picture in enumerate(pictures):
+            frame = streams.Frame(picture, "same" if index < 2 else "other", index)
+            yield streams.Ticket(frame.name, index, None, lambda frame=frame: frame)
+
+    for skip in (False, True):
+        out = tmp_path / str(skip)
+        summary = streams.warp(streams.Stream("made", tickets), LUT, out, jobs=1, skip_existing=skip)
+        assert (summary.done, len(summary.failed)) == (2, 1) and "same_bev.png" in str(summary.failed[0])
+        assert np.array_equal(np.asarray(Image.open(out / "same_bev.png")), LUT.warp(pictures[0]))
+    again = streams.warp(streams.Stream("made", tickets), LUT, out, jobs=1, skip_existing=True)
+    assert (again.done, again.skipped, len(again.failed)) == (0, 2, 1)
+
+
 def test_a_video_becomes_a_video_with_the_same_timestamps(tmp_path):
     ticks = [0, 100, 150, 400]
     write_video(tmp_path / "a.mkv", [smooth(n) for n in range(4)], ticks)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from concurrent.futures import CancelledError
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -20,7 +20,7 @@ from ipm_rs.errors import ArgumentError, ArgumentTypeError, FileError, ImageErro
 from ipm_rs.rig import RigLut
 from ipm_rs.streams._frame import Frame, Stream, Ticket
 from ipm_rs.streams.ordered import cpus, ordered
-from ipm_rs.streams.sinks import VIDEO_CODECS, Sink, sink_for
+from ipm_rs.streams.sinks import VIDEO_CODECS, Sink, is_folder, sink_for
 
 __all__ = ["Summary", "warp"]
 
@@ -81,7 +81,8 @@ def warp(
         The table, a `RigLut` for streams `together`; a function for tables that differ from frame to frame, called on
         several threads.
     output : path
-        A video (``.mp4``, ``.mov``, ``.mkv``, ``.webm``, ``.avi``), else a folder, which is made.
+        A video (``.mp4``, ``.mov``, ``.mkv``, ``.webm``, ``.avi``), else a folder, which is made and takes no two
+        frames of one name.
     jobs : int, optional
         Threads; by default the CPUs that the process may use.
     skip_existing : bool
@@ -126,12 +127,16 @@ def warp(
         flag_of(name, flag)
     jobs = cpus() if jobs is None else _whole("jobs", jobs, 1, 1000)
     level = _whole("level", level, 0, 9)
+    place = None if mask is None else Path(path_text("mask", mask))
+    if place is not None and os.path.realpath(place) == os.path.realpath(path):
+        raise ArgumentError(f"mask: expected a name of its own, got the output's, {path}; rename one")
     with _placing(path):
         if skip_existing and path.suffix.lower() in VIDEO_CODECS and path.exists():
             return Summary()  # a video is there only if it is whole
+        if is_folder(path, ending) or (place is not None and is_folder(place)):
+            _check_names(stream)
         sinks = [sink_for(path, rate=stream.rate, ending=ending, level=level)]
-    if mask is not None:
-        place = Path(path_text("mask", mask))
+    if place is not None:
         with _placing(place):
             sinks.append(sink_for(place, rate=stream.rate, level=level))
     # More than one job: a warp takes one thread, because its frames are enough work for all CPUs.
@@ -139,6 +144,25 @@ def warp(
         options["threads"] = 1
     work = _work(stream, lut, sinks, skip_existing, draw, options)
     return _run(stream, work, sinks, jobs=jobs, strict=strict, report=report)
+
+
+def _check_names(stream: Stream) -> None:
+    """Refuse frames of one name before anything is written, where their files, and so their names, are known."""
+    named: dict[str, Path] = {}
+    with contextlib.closing(_closable(stream.tickets())) as tickets:
+        for ticket in tickets:
+            if ticket.path is None:
+                return  # a video or a bag, which would be read for it: the folder refuses the second one
+            other = named.setdefault(os.path.normcase(ticket.name), ticket.path)
+            if other is not ticket.path:
+                raise ArgumentError(
+                    f"stream: expected frames of different names, as each names a file, got {ticket.name!r:.80} of "
+                    f"{other} and {ticket.path}; warp them into folders of their own"
+                )
+
+
+def _closable(tickets: Iterator[Ticket]) -> Generator[Ticket, None, None]:
+    yield from tickets
 
 
 @contextlib.contextmanager

@@ -9,6 +9,8 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import os
+import threading
 from collections.abc import Iterator
 from fractions import Fraction
 from pathlib import Path
@@ -23,7 +25,7 @@ from ipm_rs.files.atomic import atomically, reading
 from ipm_rs.streams._frame import Ticket
 from ipm_rs.streams.video import require_av
 
-__all__ = ["Folder", "Shards", "Sink", "Video", "sink_for"]
+__all__ = ["Folder", "Shards", "Sink", "Video", "is_folder", "sink_for"]
 
 VIDEO_CODECS = {
     ".mp4": ("libx264", "mpeg4"),
@@ -64,6 +66,8 @@ class Folder:
             known = ", ".join([*images.FORMATS, ".npy"])
             raise ArgumentError(f"ending: expected one of {known}, got {ending!r:.40}; choose one")
         self.path, self.ending, self.level = path, ending, level
+        self.owners: dict[str, int] = {}  # of each file of this run the frame, by its number
+        self.lock = threading.Lock()
         path.mkdir(parents=True, exist_ok=True)
 
     def target(self, ticket: Ticket) -> Path:
@@ -72,11 +76,21 @@ class Folder:
 
     def has(self, ticket: Ticket) -> bool:
         """See `Sink.has`."""
-        return self.target(ticket).exists()
+        return self.target(ticket).exists() and self._owner(ticket) == ticket.index
+
+    def _owner(self, ticket: Ticket) -> int:
+        """Return the number of the frame that a file belongs to in this run: of the first one that asks."""
+        with self.lock:
+            return self.owners.setdefault(os.path.normcase(self.target(ticket)), ticket.index)
 
     def prepare(self, ticket: Ticket, picture: NDArray[Any]) -> None:
         """Write the file: encoding and writing are the frame's own, whatever the order."""
-        target = self.target(ticket)
+        target, owner = self.target(ticket), self._owner(ticket)
+        if owner != ticket.index:
+            raise FileError(
+                f"{target}: expected a frame of its own name for each file, got it from frames {owner} and "
+                f"{ticket.index}; warp them into folders of their own"
+            )
         if self.ending == ".npy":
             with atomically(target) as file:
                 np.save(file, picture)
@@ -144,8 +158,8 @@ class Video:
     """One video: H.264 in ``.mp4``, ``.mov`` and ``.mkv``, VP9 in ``.webm``, MPEG-4 in ``.avi``.
 
     Pictures are (H, W) or (H, W, 3) uint8, all of one size; one of an odd number of rows or columns has its last one
-    twice, because chroma is stored for two by two pixels. Frames keep their timestamps; where they have none, they come
-    at `rate`.
+    twice, because chroma is stored for two by two pixels. Frames keep their timestamps, in ``.avi`` to the next of
+    `rate` a second; where they have none, they come at `rate`.
     """
 
     def __init__(self, path: Path, rate: float | None = None, quality: int = 20) -> None:
@@ -153,6 +167,7 @@ class Video:
         self.first: float | None = None
         self.last = -1
         self.count = 0
+        self.base = Fraction(1, _TICKS)
         self.container: Any = None
         self.stream: Any = None
         self.stack = contextlib.ExitStack()
@@ -187,11 +202,11 @@ class Video:
         if (prepared.width, prepared.height) != (self.stream.width, self.stream.height):
             raise ImageError(f"{self.path}: expected pictures of one size, got another at {ticket.name}")
         if ticket.timestamp is None:
-            tick = round(self.count * _TICKS / self.rate)
+            tick = round(self.count / self.rate / self.base)
         else:
             self.first = ticket.timestamp if self.first is None else self.first
-            tick = round((ticket.timestamp - self.first) * _TICKS)
-        prepared.pts, prepared.time_base = max(tick, self.last + 1), Fraction(1, _TICKS)
+            tick = round((ticket.timestamp - self.first) / self.base)
+        prepared.pts, prepared.time_base = max(tick, self.last + 1), self.base
         self.last = prepared.pts
         self._encode(prepared)
         self.count += 1
@@ -229,10 +244,13 @@ class Video:
         form = {".mkv": "matroska", ".m4v": "mp4"}.get(ending, ending[1:])
         with self._writing():
             self.container = av.open(file, "w", format=form)
-            self.stream = self.container.add_stream(codec, rate=Fraction(self.rate).limit_denominator(1001))
+            rate = Fraction(self.rate).limit_denominator(1001)
+            self.stream = self.container.add_stream(codec, rate=rate)
             self.stream.width, self.stream.height, self.stream.pix_fmt = width, height, "yuv420p"
             context = self.stream.codec_context
-            context.time_base = Fraction(1, _TICKS) if codec != "mpeg4" else context.time_base
+            if codec == "mpeg4":  # which counts in 16 bits, and has no time base before it is opened
+                self.base = 1 / rate
+            context.time_base = self.base
             context.thread_type = "AUTO"
             context.colorspace, context.color_range = 1, 1
             if codec == "libx264":
@@ -263,6 +281,11 @@ class _Discarded(FileError):
     """Ends the block of a temporary file."""
 
 
+def is_folder(path: Path, ending: str | None = None) -> bool:
+    """Say whether a path gets a file for each frame, by the frame's name."""
+    return ending != ".npz" and (path.suffix.lower() not in VIDEO_CODECS or path.is_dir())
+
+
 def sink_for(path: Path, *, rate: float | None = None, ending: str | None = None, level: int = 1) -> Sink:
     """Return what writes to a path: a video where it ends as one does, else a folder of images or of ``.npz`` shards.
 
@@ -273,4 +296,4 @@ def sink_for(path: Path, *, rate: float | None = None, ending: str | None = None
     """
     if path.suffix.lower() in VIDEO_CODECS and not path.is_dir():
         return Video(path, rate)
-    return Shards(path) if ending == ".npz" else Folder(path, ending or ".png", level)
+    return Folder(path, ending or ".png", level) if is_folder(path, ending) else Shards(path)
