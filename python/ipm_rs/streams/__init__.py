@@ -14,6 +14,7 @@ only, and ``read(path, **options) -> Stream``; and its name in `FORMATS`.
 
 from __future__ import annotations
 
+import inspect
 import os
 from importlib import import_module
 from typing import Any, Protocol, cast
@@ -113,8 +114,18 @@ def open(
         raise ArgumentTypeError(f"kind: expected a name, got {type(kind).__name__}; leave it out")
     elif kind not in FORMATS:
         raise ArgumentError(f"kind: expected {', '.join(map(repr, FORMATS))}, got {kind!r:.80}; choose one")
+    _check_options(kind, options)
     with reading(text, "a stream of frames"):  # what the file system says of a name that no file can have
         return _source(kind).read(text, **options).chosen(every=every, start=first, end=last)
+
+
+def _check_options(kind: str, options: dict[str, Any]) -> None:
+    """Refuse options that a kind of stream does not have."""
+    known = list(inspect.signature(_source(kind).read).parameters)[1:]
+    for name in options:
+        if name not in known:
+            takes = f"one of {', '.join(f'{each}=' for each in known)}" if known else "no option"
+            raise ArgumentError(f"{name}=: expected {takes} for a stream of kind {kind!r}, got {name}=; leave it out")
 
 
 def _seconds(name: str, moment: Any) -> float | None:

@@ -14,7 +14,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from ipm_rs._arguments import flag_of, path_text
+from ipm_rs._arguments import array_of, flag_of, path_text
 from ipm_rs._core import Lut
 from ipm_rs.errors import ArgumentError, ArgumentTypeError, FileError, ImageError, IpmError
 from ipm_rs.rig import RigLut
@@ -198,12 +198,24 @@ def _work(
             view = table.warp(pictures, **options)
         except ImageError as error:
             raise ImageError(f"{stream.path}: frame {ticket.name}: {error}") from error
-        shown = [view if draw is None else draw(view, table)]
+        shown = [view if draw is None else _drawn(draw(view, table))]
         if len(sinks) > 1:
             shown.append(np.where(table.mask, np.uint8(255), np.uint8(0)))
         return [sink.prepare(ticket, picture) for sink, picture in zip(sinks, shown, strict=True)]
 
     return work
+
+
+def _drawn(picture: Any) -> NDArray[Any]:
+    """Return what `draw` made as an array."""
+    wanted = "draw: expected a function that returns a picture, (H, W) or (H, W, C) numbers,"
+    array = None if picture is None else array_of("draw", picture)
+    if array is None or array.dtype.kind not in "buif":
+        got = type(picture).__name__ if array is None else f"{type(picture).__name__} of {array.dtype}"
+        raise ArgumentTypeError(f"{wanted} got {got} from it; return the picture")
+    if array.ndim not in (2, 3) or array.size == 0:
+        raise ArgumentError(f"{wanted} got shape {array.shape} from it; return the picture")
+    return array
 
 
 def _run(
