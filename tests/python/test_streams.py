@@ -375,7 +375,7 @@ def test_the_command_takes_videos(folder, tmp_path, calibration, capsys):
     before = sorted(tmp_path.iterdir())
     for arguments, phrase in (
         ([video, "-o", bev], "--force"),
-        ([video, "-o", video, "--force"], "got the input"),
+        ([video, "-o", video, "--force"], "got an input"),
         ([video, "-o", frames], "--skip-existing"),
         ([str(tmp_path / "b.mp4"), "-o", str(tmp_path / "x.mp4")], "32x32"),
         ([str(tmp_path / "d.mp4"), "-o", str(tmp_path / "x.mp4")], "d.mp4"),

@@ -7,7 +7,7 @@ import contextlib
 import os
 import re
 import textwrap
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any, NoReturn, TypeAlias, TypeVar
 
@@ -271,6 +271,22 @@ def output_names(
     if path.exists() and not path.is_dir():
         raise ArgumentError(f"{option}: expected a directory, got {text}, which is a file; give another name")
     return [path / name_of(source) for source in sources]
+
+
+def check_not_input(path: Path, inputs: Iterable[str | os.PathLike[str]]) -> None:
+    """Refuse an output that is an input, by whatever name; --force does not allow it either."""
+    if path.exists() and any(Path(source).exists() and path.samefile(source) for source in inputs):
+        raise ArgumentError(f"{path}: expected an output, got an input; give another name, also with --force")
+
+
+def check_apart(outputs: Iterable[Path]) -> None:
+    """Refuse two outputs that are one file."""
+    taken: set[str] = set()
+    for path in outputs:
+        real_path = os.path.normcase(os.path.realpath(path))
+        if real_path in taken:
+            raise ArgumentError(f"{path}: expected a name of its own for each output, got it twice; rename one")
+        taken.add(real_path)
 
 
 def check_output(path: Path, *, may_exist: bool, may_make: bool = False) -> None:

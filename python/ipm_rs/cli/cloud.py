@@ -19,6 +19,7 @@ from ipm_rs.cli.arguments import (
     Commands,
     add_camera,
     add_grid,
+    check_not_input,
     check_output,
     count,
     load_camera,
@@ -200,8 +201,7 @@ def _check_outputs(jobs: list[_Job], args: argparse.Namespace) -> None:
         if name in taken:
             raise ArgumentError(f"{path}: expected an output of its own for each depth image, got it twice; rename one")
         taken.add(name)
-        if path.exists() and any(source.exists() and path.samefile(source) for source in sources):
-            raise ArgumentError(f"{path}: expected an output, got an input; give another name, also with --force")
+        check_not_input(path, sources)
         made = path.parent == Path(args.output or "") or path.parent == Path(args.bev or "")
         check_output(path, may_exist=args.force, may_make=made)
     for job in jobs:

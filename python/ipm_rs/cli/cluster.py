@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 import ipm_rs
-from ipm_rs.cli.arguments import check_output, load_camera_sized
+from ipm_rs.cli.arguments import check_not_input, check_output, load_camera_sized
 from ipm_rs.cli.printing import emit, error_line, no_progress, progress_bar
 from ipm_rs.cli.tables import table_of
 from ipm_rs.errors import ArgumentError, FileError, IpmError
@@ -49,6 +49,7 @@ def run(args: argparse.Namespace, grid: ipm_rs.BevGrid, options: dict[str, Any])
     if args.mask is not None:
         images.check_format(args.mask, "L", "the mask")
         check_output(args.mask, may_exist=args.force)
+        check_not_input(args.mask, [args.calibration, *args.images])
     lut = table_of(load_camera_sized(args), grid, args.ground)
     options.pop("threads")
     summary = _warp(args, lut, options)

@@ -15,6 +15,7 @@ from ipm_rs.cli.arguments import (
     add_grid,
     add_ground,
     add_image_size,
+    check_not_input,
     check_output,
     load_camera,
     load_camera_sized,
@@ -74,6 +75,9 @@ def run(args: argparse.Namespace) -> None:
         images.check_format(args.output, "RGB", "the picture")
         check_output(args.output, may_exist=args.force)
     named = [text for text in args.images if "=" in text and not Path(text).exists()]
+    if args.output is not None:
+        pictures = [text.partition("=")[2] if text in named else text for text in args.images]
+        check_not_input(args.output, [args.calibration, *pictures])
     report: Any
     if named or args.all:
         report = _rig(args, named)

@@ -76,12 +76,13 @@ class Poses:
         self.source, self.most = args.streams[0], args.max_step
         self.trajectory: ipm_rs.Trajectory | None = None
         self.before: tuple[str, Any] | None = None
-        self.numbered = False
+        self.numbered = self.kitti = False
         if args.poses is None:
             return
         camera = cameras if isinstance(cameras, ipm_rs.Camera) else next(iter(cameras.values()))
         mount = camera.vehicle_from_camera
         kitti = _in_kittis_form(Path(args.poses))
+        self.kitti = kitti
         sensor = None
         if args.poses_of == "camera" or (kitti and args.poses_of is None):
             sensor = mount
@@ -135,7 +136,7 @@ class Poses:
             return None
         if ticket.timestamp is not None and not self.numbered:
             return trajectory.at(ticket.timestamp)
-        if not self.numbered:
+        if not (self.numbered or self.kitti):  # KITTI's are of one line for each picture, also with a times.txt beside
             raise ArgumentError(
                 f"{self.source}: expected frames with timestamps, as the poses have, got none; give a video, a bag "
                 "or a dataset, or poses in KITTI's form, one line for each frame"

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import os
 import sys
 from collections.abc import Iterable, Iterator
 from pathlib import Path
@@ -9,9 +11,10 @@ from typing import Any
 
 import ipm_rs
 from ipm_rs import streams
-from ipm_rs.cli.arguments import check_output
+from ipm_rs.cli.arguments import check_not_input, check_output
 from ipm_rs.cli.printing import emit, error_line, no_progress, progress_bar
 from ipm_rs.errors import ArgumentError, FileError, IpmError
+from ipm_rs.streams import folder
 from ipm_rs.streams.sinks import VIDEO_CODECS
 
 _TOLD = 5
@@ -23,12 +26,21 @@ def check_destination(output: Path, sources: Iterable[str], *, force: bool, skip
     if output.suffix.lower() in VIDEO_CODECS:
         if not skip_existing:
             check_output(output, may_exist=force)
-        if output.exists() and any(Path(source).exists() and output.samefile(source) for source in sources):
-            raise ArgumentError(f"{output}: expected an output, got the input; give another name, also with --force")
+        check_not_input(output, sources)
     elif output.exists() and not output.is_dir():
         raise ArgumentError(f"-o: expected a folder or a video, got {output}, which is a file; give another name")
     elif output.is_dir() and any(output.iterdir()) and not (force or skip_existing):
         raise FileError(f"{output}: expected an empty folder, got files; give --skip-existing, --force or another name")
+
+
+def files_of(source: str | os.PathLike[str]) -> list[Path]:
+    """Return what a source is read from, as far as its name says: of a folder or pattern its images too."""
+    text = os.fspath(source)
+    found = [Path(text), Path(text.partition(":/")[0])]  # run.mcap:/topic of a rig
+    with contextlib.suppress(FileError):  # a topic is no stream by its name
+        if streams.recognise(text) == "folder" and folder.is_several(text):
+            found += folder.paths_of(text)
+    return found
 
 
 def warped(stream: streams.Stream, table: Any, output: Path, *, quiet: bool, **options: Any) -> streams.Summary:

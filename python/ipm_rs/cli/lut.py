@@ -12,6 +12,7 @@ from ipm_rs.cli.arguments import (
     add_grid,
     add_ground,
     add_image_size,
+    check_not_input,
     check_output,
     load_camera_sized,
     resolution,
@@ -70,6 +71,7 @@ def run(args: argparse.Namespace) -> None:
                 ) from error
             raise
     check_output(args.output, may_exist=args.force)
+    check_not_input(args.output, [args.calibration])
     camera = load_camera_sized(args)
     grid = ipm_rs.BevGrid(x=args.x, y=args.y, resolution=resolution(args.resolution), sample_at=args.sample_at)
     lut = table_of(camera, grid, args.ground)

@@ -13,13 +13,12 @@ from typing import Any
 import numpy as np
 
 import ipm_rs
-from ipm_rs import draw, streams
-from ipm_rs.cli import mosaic_ray
+from ipm_rs import streams
+from ipm_rs.cli import mosaic_out, mosaic_ray
 from ipm_rs.cli.arguments import (
     Commands,
     add_camera,
     add_image_size,
-    check_output,
     count,
     real,
 )
@@ -27,8 +26,7 @@ from ipm_rs.cli.drive import Poses, cameras_of, stream_of
 from ipm_rs.cli.frames import Counted
 from ipm_rs.cli.mosaic_names import Names
 from ipm_rs.cli.printing import emit, error_line, no_progress, progress_bar
-from ipm_rs.errors import ArgumentError, FileError, ImageError
-from ipm_rs.files import images
+from ipm_rs.errors import ArgumentError, DtypeError, FileError, ImageError
 from ipm_rs.streams.ordered import cpus, ordered
 
 _TOLD = 5
@@ -137,7 +135,9 @@ The map's axes are those of the poses. Each cell is made of the frames that reso
         const="",
         help="add the frames on a Ray cluster: this one, or that of RAY_ADDRESS, or one of this machine's CPUs",
     )
-    running.add_argument("--strict", action="store_true", help="stop at the first frame that cannot be read")
+    running.add_argument(
+        "--strict", action="store_true", help="stop at the first frame that cannot be read or does not fit"
+    )
     running.add_argument("--force", action="store_true", help="replace an existing picture or GeoTIFF")
     running.add_argument("--quiet", action="store_true", help="print nothing but warnings and errors")
     mosaic.set_defaults(run=run)
@@ -145,27 +145,17 @@ The map's axes are those of the poses. Each cell is made of the frames that reso
 
 def run(args: argparse.Namespace) -> None:
     """Check every argument, add frame after frame, draw, and tell what was done."""
-    if args.picture is not None:
-        images.check_format(args.picture, "RGB", "the picture")
-        check_output(args.picture, may_exist=args.force)
-    elif args.x is not None or args.y is not None:
-        raise ArgumentError("--x, --y: expected --picture with them, got none; give its name")
-    if args.geotiff is not None:
-        check_output(args.geotiff, may_exist=args.force)
-    for option in ("crs", "origin"):
-        if getattr(args, option) is not None and args.geotiff is None:
-            raise ArgumentError(f"--{option}: expected --geotiff with it, got none; give its name")
-    if args.geotiff is not None and args.crs is None:
-        raise ArgumentError("--geotiff: expected --crs with it, such as EPSG:32632, got none; give it")
+    mosaic_out.check(args)
     if args.labels and args.gains:
         raise ArgumentError("--gains: expected none with --labels, got both; labels have no brightness")
     cameras, sources = cameras_of(args)
     stream = stream_of(cameras, sources, args)
+    mosaic_out.check_inputs(args, sources.values(), stream)
     poses = Poses(args, cameras)
     ground = args.ground if args.ground == "wheels" else _height(args.ground)
     if args.ray is not None:
         mosaic_ray.check(args, sources, poses)
-    with _opened(args) as mosaic:
+    with mosaic_out.removed_if_empty(args.output), _opened(args) as mosaic:
         done, names = Done(), Names(mosaic, stream, cameras, poses)
         if args.ray is None:
             _add_all(mosaic, stream, cameras, poses, names, ground, args, done)
@@ -174,7 +164,8 @@ def run(args: argparse.Namespace) -> None:
         begin = perf_counter()
         mosaic.commit()
         done.seconds["write"] += perf_counter() - begin
-        _draw(mosaic, done, args)
+        if mosaic.tiles or not done.failed:
+            mosaic_out.write(mosaic, done.track, args)
         if done.bare:
             emit(
                 f"ipm-rs: warning: {args.output}: {done.bare} frames were taken for those of the same file names that "
@@ -184,7 +175,9 @@ def run(args: argparse.Namespace) -> None:
         if not args.quiet:
             emit(done.told(args.output, mosaic))
     if done.failed:
-        raise FileError(f"{done.failed} of {done.failed + done.added + done.there} frames could not be read, see above")
+        raise FileError(
+            f"{done.failed} of {done.failed + done.added + done.there} frames could not be added, see above"
+        )
 
 
 def _opened(args: argparse.Namespace) -> ipm_rs.Mosaic:
@@ -222,7 +215,7 @@ class Done:
         self.seconds = {"read": 0.0, "add": 0.0, "write": 0.0}
 
     def fails(self, error: Exception, say: Callable[..., object]) -> None:
-        """Note that a frame could not be read; the first few are told of."""
+        """Note that a frame could not be added; the first few are told of."""
         self.failed += 1
         if self.failed <= _TOLD:
             say(error_line(error), sys.stderr)
@@ -276,9 +269,16 @@ def _add_all(
             begin = perf_counter()
             seen = frame.camera if takes_own and frame.camera is not None else cameras
             place: dict[str, Any] = {"map_from_vehicle": pose, "ground": ground, "distance": args.distance}
-            gain = mosaic.gain(seen, frame.image, **place) if args.gains else 1.0
             held = mosaic.frames
-            done.cells += mosaic.add(seen, frame.image, gain=gain, name=name, **place)
+            try:
+                gain = mosaic.gain(seen, frame.image, **place) if args.gains else 1.0
+                done.cells += mosaic.add(seen, frame.image, gain=gain, name=name, **place)
+            except (ImageError, DtypeError) as error:  # of another size, or other numbers
+                named = type(error)(f"{stream.path}: frame {ticket.name}: {error}")
+                if args.strict:
+                    raise named from error
+                done.fails(named, say)
+                continue
             done.seconds["read"] += took
             done.seconds["add"] += perf_counter() - begin
             done.added += mosaic.frames - held
@@ -311,20 +311,3 @@ def _height(text: str) -> float:
         return float(text)
     except ValueError:
         raise ArgumentError(f"--ground: expected a height in metres or wheels, got {text!r:.40}") from None
-
-
-def _draw(mosaic: ipm_rs.Mosaic, done: Done, args: argparse.Namespace) -> None:
-    blend: Any = args.blend or ("labels" if mosaic.labels else "weighted")
-    if mosaic.bounds is None:
-        raise ArgumentError(
-            "expected frames that see the road, got none that does; check the calibration and --distance"
-        )
-    if args.picture is not None:
-        layers = mosaic.layers(args.x, args.y, names=(blend, "mask"))
-        track = None if args.no_track or not done.track else np.array(done.track)
-        page = draw.axes(layers[blend], mosaic.window(args.x, args.y), mask=layers["mask"], track=track)
-        images.write(args.picture, np.asarray(page), images.Look("RGB"))
-    if args.tiles is not None:
-        mosaic.export_tiles(args.tiles, blend=blend)
-    if args.geotiff is not None:
-        mosaic.export_geotiff(args.geotiff, crs=args.crs, origin=args.origin or (0.0, 0.0), blend=blend)

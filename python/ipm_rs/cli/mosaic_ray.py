@@ -16,7 +16,7 @@ from ipm_rs import streams
 from ipm_rs.cli.drive import Poses
 from ipm_rs.cli.mosaic_names import Names
 from ipm_rs.cli.printing import emit
-from ipm_rs.errors import ArgumentError, IpmError
+from ipm_rs.errors import ArgumentError, ImageError, IpmError
 
 if TYPE_CHECKING:
     from ipm_rs.cli.mosaic import Done
@@ -50,6 +50,8 @@ def add_all(
 ) -> None:
     """Add all frames that the map does not hold."""
     begin, sent = perf_counter(), set[str]()
+    each = {"": cameras} if isinstance(cameras, ipm_rs.Camera) else cameras
+    sizes = {name: camera.image_size for name, camera in each.items()}
 
     def report(_: int, failed: list[IpmError]) -> None:
         for error in failed:
@@ -67,7 +69,7 @@ def add_all(
             sent.add(name)
             if len(done.track) > 1:
                 done.metres += float(np.hypot(*(done.track[-1] - done.track[-2])))
-            yield cameras, functools.partial(_image_of, ticket), pose, name
+            yield cameras, functools.partial(_image_of, stream.path, ticket, sizes), pose, name
 
     done.added = ipm_rs.ray.mosaic(
         frames(),
@@ -81,5 +83,14 @@ def add_all(
     done.seconds["add"] += perf_counter() - begin
 
 
-def _image_of(ticket: streams.Ticket) -> Any:
-    return ticket.load().image
+def _image_of(path: str, ticket: streams.Ticket, sizes: dict[str, tuple[int, int]]) -> Any:
+    """Decode a frame, and say its name where it is of another size than its camera."""
+    image = ticket.load().image
+    for name, picture in image.items() if isinstance(image, Mapping) else [("", image)]:
+        size = picture.shape[1], picture.shape[0]
+        if size != sizes[name]:
+            raise ImageError(
+                f"{path}: frame {ticket.name}: expected {sizes[name][0]}x{sizes[name][1]} pixels, as its camera has, "
+                f"got {size[0]}x{size[1]}; leave it out, or use the original"
+            )
+    return image

@@ -19,6 +19,8 @@ from ipm_rs.cli.arguments import (
     add_grid,
     add_ground,
     add_reading,
+    check_apart,
+    check_not_input,
     check_output,
     count,
     load_rig,
@@ -251,15 +253,10 @@ def _outputs(views: list[dict[str, Path]], args: argparse.Namespace) -> list[Pat
     outputs = [args.output / f"{view[first].stem}_bev.png" if several else args.output for view in views]
     extra = [path for path in (args.mask, args.source) if path is not None]
     inputs = [Path(args.rig), *(path for view in views for path in view.values())]
-    taken: set[str] = set()
+    check_apart((*outputs, *extra))
     for path in (*outputs, *extra):
         images.check_format(path, "L" if path in extra else "RGB", "the view")
-        real_path = os.path.normcase(os.path.realpath(path))
-        if real_path in taken:
-            raise ArgumentError(f"{path}: expected a name of its own for each output, got it twice; rename one")
-        taken.add(real_path)
-        if path.exists() and any(source.exists() and path.samefile(source) for source in inputs):
-            raise ArgumentError(f"{path}: expected an output, got an input; give another name, also with --force")
+        check_not_input(path, inputs)
         check_output(path, may_exist=args.force, may_make=several and path.parent == args.output)
     return outputs
 

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 import ipm_rs
 from ipm_rs import draw, streams
-from ipm_rs.cli.arguments import check_output, load_camera_sized
-from ipm_rs.cli.frames import check_destination, conclude, warped
+from ipm_rs.cli.arguments import check_not_input, check_output, load_camera_sized
+from ipm_rs.cli.frames import check_destination, conclude, files_of, warped
 from ipm_rs.cli.printing import emit
 from ipm_rs.cli.tables import table_of
 from ipm_rs.errors import ArgumentError, CalibrationError, FileError, ImageError
@@ -88,14 +88,17 @@ def run(args: argparse.Namespace, grid: ipm_rs.BevGrid, options: dict[str, Any])
             f"{stream.size[1]}"
         )
     check_destination(output, [source], force=args.force, skip_existing=args.skip_existing)
+    inputs = [args.calibration, *files_of(source)]
     if args.mask is not None:
         images.check_format(args.mask, "L", "the mask")
         check_output(args.mask, may_exist=args.force)
+        check_not_input(args.mask, inputs)
     if args.mask_video is not None:
         if args.mask_video.suffix.lower() not in VIDEO_CODECS:
             known = ", ".join(VIDEO_CODECS)
             raise ArgumentError(f"--mask-video: expected a name that ends in {known}, got {args.mask_video}; rename it")
         check_output(args.mask_video, may_exist=args.force)
+        check_not_input(args.mask_video, inputs)
         if os.path.realpath(args.mask_video) == os.path.realpath(output):
             raise ArgumentError(f"{output}: expected a name of its own for --mask-video, got the output's; rename one")
     ground = args.ground

@@ -21,6 +21,7 @@ from ipm_rs.cli.arguments import (
     add_grid,
     add_ground,
     add_image_size,
+    check_not_input,
     check_output,
     count,
     load_camera_sized,
@@ -316,8 +317,7 @@ def _check_outputs(outputs: list[Path], headers: list[images.Header], args: argp
         other = taken.setdefault(os.path.normcase(os.path.realpath(path)), what)
         if other is not what:
             raise ArgumentError(f"{path}: expected one output per image, got it from {other} and {what}; rename one")
-        if path.exists() and any(source.exists() and path.samefile(source) for source in sources):
-            raise ArgumentError(f"{path}: expected an output, got an input; give another name, also with --force")
+        check_not_input(path, sources)
         check_output(path, may_exist=args.force or args.skip_existing, may_make=path.parent == directory)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ipm_rs._core import Camera
 from ipm_rs.errors import ArgumentError, FileError
 
-__all__ = ["Frame", "Stream", "Ticket", "bad_ticket"]
+__all__ = ["Frame", "Stream", "Ticket", "bad_ticket", "tickets_of"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,6 +142,11 @@ def _chosen(stream: Stream, every: int, start: float | None, end: float | None) 
         close = getattr(tickets, "close", None)
         if close is not None:
             close()
+
+
+def tickets_of(stream: Stream) -> Generator[Ticket, None, None]:
+    """Give a stream's tickets as a generator, whose `close` frees what it holds."""
+    yield from stream.tickets()
 
 
 def bad_ticket(path: str, name: str, index: int, problem: str) -> Ticket:

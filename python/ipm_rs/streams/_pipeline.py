@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import CancelledError
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -18,7 +18,7 @@ from ipm_rs._arguments import array_of, flag_of, path_text
 from ipm_rs._core import Lut
 from ipm_rs.errors import ArgumentError, ArgumentTypeError, FileError, ImageError, IpmError
 from ipm_rs.rig import RigLut
-from ipm_rs.streams._frame import Frame, Stream, Ticket
+from ipm_rs.streams._frame import Frame, Stream, Ticket, tickets_of
 from ipm_rs.streams.ordered import cpus, ordered
 from ipm_rs.streams.sinks import VIDEO_CODECS, Sink, is_folder, sink_for
 
@@ -149,7 +149,7 @@ def warp(
 def _check_names(stream: Stream) -> None:
     """Refuse frames of one name before anything is written, where their files, and so their names, are known."""
     named: dict[str, Path] = {}
-    with contextlib.closing(_closable(stream.tickets())) as tickets:
+    with contextlib.closing(tickets_of(stream)) as tickets:
         for ticket in tickets:
             if ticket.path is None:
                 return  # a video or a bag, which would be read for it: the folder refuses the second one
@@ -159,10 +159,6 @@ def _check_names(stream: Stream) -> None:
                     f"stream: expected frames of different names, as each names a file, got {ticket.name!r:.80} of "
                     f"{other} and {ticket.path}; warp them into folders of their own"
                 )
-
-
-def _closable(tickets: Iterator[Ticket]) -> Generator[Ticket, None, None]:
-    yield from tickets
 
 
 @contextlib.contextmanager
