@@ -128,6 +128,8 @@ def test_the_command_leaves_out_damaged_frames_here_and_on_a_cluster(here, drive
         words = ["--poses-of", "vehicle", "--resolution", "0.1", "--tile", "64", "--distance", "1", "9", *more]
         code = main(["mosaic", *map(str, given), *words])
         assert "000003.png" in capsys.readouterr().err
+        if not (tmp_path / name).exists():  # no frame came into it
+            return code, 0, None
         with ipm_rs.Mosaic.load(tmp_path / name) as mosaic:
             return code, mosaic.frames, mosaic.layers(names=("weighted", "count")) if mosaic.frames else None
 
