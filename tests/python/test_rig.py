@@ -317,13 +317,25 @@ def test_arguments_that_do_not_fit_are_refused():
         ipm_rs.RigLut(RIG, GRID, masks={"front": np.ones((160, 120), bool)})
     with refuses(errors.ArgumentError, "'rear'"):
         ipm_rs.RigLut(RIG, GRID, masks={"rear": np.ones((120, 160), bool)})
-    with refuses(errors.ArgumentError, "blend: expected"):
+    for gain in (2j, [np.complex64(1)], np.datetime64("2020")):
+        with refuses(errors.ArgumentTypeError, "gains['front']: expected real factors"):
+            RLUT.warp(own, gains={"front": gain})
+        with refuses(errors.ArgumentTypeError, "previous['front']: expected real factors"):
+            RLUT.gains(own, previous={"front": gain})
+    for missing in ("next", "border"):
+        for nothing in ({}, dict.fromkeys(own), [None] * 4):
+            with refuses(errors.ArgumentError, "images: expected one of at least one camera"):
+                RLUT.warp(nothing, missing=missing)
+    with refuses(errors.ArgumentError, "blend: expected", "got 'mean'"):
         ipm_rs.RigLut(RIG, GRID, blend="mean")
     for feather in (-1.0, np.nan, 1e9):
         with pytest.raises(errors.IpmError):
             ipm_rs.RigLut(RIG, GRID, feather=feather)
-    with pytest.raises(errors.IpmError):
-        ipm_rs.RigLut(RIG, GRID, exclude=[[[0, 0], [1, 1]]])
+    for corner, words in (([], "got 2"), ([[np.nan, 1]], "not finite"), ([[2e9, 1]], "farther")):
+        polygon = [[0, 0], [1, 1], *corner]
+        for exclude, name in ((polygon, "exclude: "), ([polygon], "exclude[0]: "), (np.array(polygon), "exclude: ")):
+            with refuses(errors.ArgumentError, name, words, "metres"):
+                ipm_rs.RigLut(RIG, GRID, exclude=exclude)
     with refuses(errors.ArgumentTypeError, "grid: expected"):
         ipm_rs.RigLut(RIG, (100, 100))
     with refuses(errors.ArgumentError, "'rear'"):

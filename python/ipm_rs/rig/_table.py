@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Literal
@@ -16,10 +15,9 @@ from ipm_rs.errors import ArgumentError, ArgumentTypeError
 from ipm_rs.rig._agreement import Agreement, PairView, pair_views
 from ipm_rs.rig._bowl import Bowl
 from ipm_rs.rig._cameras import Rig, check_names
+from ipm_rs.rig._excluded import polygons_of
 
 __all__ = ["RigLut"]
-
-_MOST_POLYGONS = 10_000
 
 Images = Mapping[str, Any] | Sequence[Any]
 Missing = Literal["next", "border"]
@@ -77,6 +75,9 @@ class RigLut:
         if masks is not None and not isinstance(masks, Mapping):
             raise ArgumentTypeError(f"masks: expected a mapping of names to masks, got {type(masks).__name__}")
         check_names(self._rig, "masks", masks or ())
+        if not isinstance(blend, str) or blend not in ("best", "feather", "priority"):
+            got = repr(blend) if isinstance(blend, str) else type(blend).__name__
+            raise ArgumentError(f'blend: expected "best", "feather" or "priority", got {got:.60}')
         self._grid, self._ground = grid, ground
         # copies: who changes a mask later must not change what a pickle builds
         given = {
@@ -85,7 +86,7 @@ class RigLut:
         }
         self._options: dict[str, Any] = {
             "masks": given,
-            "exclude": _polygons(exclude),
+            "exclude": polygons_of(exclude),
             "blend": blend,
             "feather": feather,
         }
@@ -209,6 +210,8 @@ class RigLut:
                 f"images: expected one for each camera, got none for {', '.join(map(repr, dropped))}; "
                 'missing="next" gives their cells to other cameras, missing="border" leaves them out'
             )
+        if len(dropped) == len(self._rig):
+            raise ArgumentError("images: expected one of at least one camera, got none; leave this moment out")
         if dropped:
             fewer = self.without(dropped, missing=missing or "next")
             known = None if gains is None else {name: gains[name] for name in gains if name not in dropped}
@@ -447,6 +450,9 @@ class RigLut:
         """One row for each camera, of one number or of one for each channel."""
         self._check_gains(what, gains)
         arrays = [array_of(f"{what}[{name!r}]", gains.get(name, 1.0)) for name in self._rig]
+        for name, row in zip(self._rig, arrays, strict=True):
+            if row.dtype.kind in "cmM":  # NumPy makes numbers of them, and drops what else they say
+                raise ArgumentTypeError(f"{what}[{name!r}]: expected real factors, got {row.dtype}; pass floats")
         try:
             rows = [np.atleast_1d(row.astype(float)) for row in arrays]
             return np.stack(np.broadcast_arrays(*rows)).reshape(len(rows), -1)
@@ -497,23 +503,3 @@ def _rebuilt(rig: Rig, grid: BevGrid, ground: Any, options: dict[str, Any]) -> R
 
 def _rebuilt_without(whole: RigLut, dropped: list[str]) -> RigLut:
     return whole.without(dropped, missing="border")
-
-
-def _polygons(exclude: Any) -> list[NDArray[Any]]:
-    """Make a list of polygons, copies; one polygon is a list of one."""
-    if exclude is None:
-        return []
-    try:
-        listed = list(itertools.islice(exclude, _MOST_POLYGONS + 1))
-    except MemoryError:
-        raise
-    except Exception as error:  # `__iter__` raises what it likes
-        raise ArgumentTypeError(
-            f"exclude: expected polygons, (M, 2) arrays of metres, got {type(exclude).__name__}"
-        ) from error
-    if len(listed) > _MOST_POLYGONS:
-        raise ArgumentError(f"exclude: expected at most {_MOST_POLYGONS} polygons, got more")
-    polygons = [array_of(f"exclude[{index}]", polygon).copy() for index, polygon in enumerate(listed)]
-    if polygons and all(corner.ndim == 1 for corner in polygons):
-        return [array_of("exclude", listed).copy()]
-    return polygons
