@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from helpers import refuses
 from PIL import Image
 from test_mosaic import HEIGHT, WIDTH, camera, standing_at
 from test_mosaic_out import drive, frames, run
 
 import ipm_rs
-from ipm_rs.cli import main
+from ipm_rs import streams
+from ipm_rs.cli import main, mosaic_ray
 
 __all__ = ["drive", "frames"]
 
@@ -85,7 +87,10 @@ def test_a_run_that_adds_nothing_leaves_no_map(drive, capsys):
     (drive / "map" / "notes.txt").unlink()
     assert main(words) == 2
     assert (drive / "map").exists() and not list((drive / "map").iterdir()), "the folder was there"
-    assert run(drive, "--quiet", "--resolution", "0.1") == 0
+    assert run(drive, "--distance", "300", "301") == 2
+    assert "see the road" in capsys.readouterr().err and not list((drive / "map").iterdir())
+    assert run(drive) == 0
+    assert " 6 frames  " in capsys.readouterr().out
 
 
 def test_a_map_that_is_too_large_for_a_picture_is_made(drive, capsys):
@@ -131,3 +136,12 @@ def test_the_doctor_replaces_no_input(drive, monkeypatch, capsys):
         assert main(["doctor", *words, "-o", "frames/000000.png", "--force"]) == 2
         assert "got an input" in capsys.readouterr().err
     assert contents(drive) == before
+
+
+def test_a_worker_names_a_frame_of_another_size():
+    picture = np.zeros((HEIGHT, WIDTH // 2), np.uint8)
+    ticket = streams.Ticket("000002", 2, None, lambda: streams.Frame(picture, "000002", 2))
+    with refuses(ipm_rs.ImageError, "frames/: frame 000002: expected", f"got {WIDTH // 2}x{HEIGHT}"):
+        mosaic_ray._image_of("frames/", ticket, {"": (WIDTH, HEIGHT)})
+    both = streams.Ticket("7", 7, None, lambda: streams.Frame({"left": picture}, "7", 7))
+    assert mosaic_ray._image_of("frames/", both, {"left": (WIDTH // 2, HEIGHT)})["left"] is picture

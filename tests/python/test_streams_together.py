@@ -134,6 +134,15 @@ def test_the_command_takes_videos_and_topics(tmp_path, capsys):
         ([video[0], f"back={tmp_path}/run.bag", "-o", str(tmp_path / "x.mp4")], "run.bag:/the/topic"),
         ([*video, "-o", str(tmp_path / "bev.mp4")], "--force"),
         ([*video, "-o", str(tmp_path / "front.mp4"), "--force"], "got an input"),
+        ([*video, "-o", str(tmp_path / "x.mp4"), "--mask", str(tmp_path / "front" / "0.png")], "--force"),
+        (
+            [*sources("{name}"), "-o", f"{tmp_path}/x.mp4", "--mask", f"{tmp_path}/back/0.png", "--force"],
+            "got an input",
+        ),
+        (
+            [*video, "-o", f"{tmp_path}/x.mp4", "--mask", f"{tmp_path}/x.png", "--source", f"{tmp_path}/x.png"],
+            "of its own",
+        ),
         ([*sources("{name}"), "-o", str(tmp_path / "x"), "--start", "1"], "--start"),
         ([*sources("{name}.mp4")[:1], f"back={tmp_path}/none.mp4", "-o", str(tmp_path / "x.mp4")], "none.mp4"),
     ):

@@ -95,7 +95,7 @@ def _check_crs(crs: str) -> None:
 
 @contextlib.contextmanager
 def removed_if_empty(output: Path) -> Iterator[None]:
-    """Remove the map that the block makes if no frame came into it: it would hold the next run to its cells."""
+    """Remove the map that the block makes if no frame showed the road: it would hold the next run to its cells."""
     there, known = output.exists(), (output / _MAP[0]).exists()
     try:
         yield
@@ -112,7 +112,7 @@ def removed_if_empty(output: Path) -> Iterator[None]:
 def _is_empty(output: Path) -> bool:
     with contextlib.suppress(ipm_rs.IpmError):
         with ipm_rs.Mosaic.load(output) as mosaic:
-            return mosaic.frames == 0
+            return not mosaic.tiles  # frames that saw nothing would be taken for added the next time
     return False
 
 

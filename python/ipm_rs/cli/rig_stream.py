@@ -13,8 +13,10 @@ from numpy.typing import NDArray
 
 import ipm_rs
 from ipm_rs import streams
-from ipm_rs.cli.frames import check_destination, conclude, warped
+from ipm_rs.cli.arguments import check_apart, check_not_input, check_output
+from ipm_rs.cli.frames import check_destination, conclude, files_of, warped
 from ipm_rs.errors import ArgumentError, FileError, ImageError
+from ipm_rs.files import images
 from ipm_rs.streams import bag
 from ipm_rs.streams.sinks import VIDEO_CODECS
 
@@ -50,6 +52,13 @@ def run(args: argparse.Namespace, lut: ipm_rs.RigLut, sources: Mapping[str, Path
     joined = streams.together(each, tolerance=args.tolerance, partial=args.missing is not None)
     joined = joined.chosen(every=args.every, start=args.start, end=args.end)
     check_destination(args.output, [stream.path for stream in each.values()], force=args.force, skip_existing=False)
+    inputs = [args.rig, *(file for path in sources.values() for file in files_of(path))]
+    extra = [path for path in (args.mask, args.source) if path is not None]
+    check_apart([args.output, *extra])
+    for path in extra:
+        images.check_format(path, "L", "the view")
+        check_not_input(path, inputs)
+        check_output(path, may_exist=args.force)
     table = _Balanced(lut) if args.gains else lut
     summary = warped(joined, table, args.output, quiet=args.quiet, jobs=args.jobs, **options)
     conclude(args.output, lut, summary, quiet=args.quiet)
