@@ -237,6 +237,24 @@ def test_a_missing_image_is_refused_or_made_up_for():
         RLUT.without("front", missing="black")
 
 
+def test_cameras_may_be_left_out_one_after_the_other():
+    own = images()
+    one = RLUT.without(["front"], missing="border")
+    both = one.without(["left"], missing="border")
+    only_these = RLUT.weights("front") + RLUT.weights("left") > 0.9999
+    assert list(both.rig) == ["right", "back"] and same(both.mask, RLUT.mask & ~only_these)
+    assert both == RLUT.without(["left", "front"], missing="border") == pickle.loads(pickle.dumps(both))
+
+    # with "next", nobody shows what the front camera would show of the three that are left in the whole rig
+    moved = one.without(["left"], missing="next")
+    three = ipm_rs.RigLut(RIG.subset(["front", "right", "back"]), GRID, feather=0.8)
+    assert list(moved.rig) == ["right", "back"] and same(moved.mask, three.mask & (three.weights("front") < 0.9999))
+    assert not (both.mask & ~moved.mask).any() and (moved.mask & ~both.mask).any()
+    assert not moved.mask[three.weights("front") == 1].any() and moved == pickle.loads(pickle.dumps(moved))
+    view = one.warp({**{name: own[name] for name in one.rig}, "left": None}, missing="next", border_value=5)
+    assert same(view, moved.warp([own["right"], own["back"]], border_value=5))
+
+
 # ---------------------------------------------------------------------------------------------------------------------
 # Gains
 

@@ -44,6 +44,11 @@ def test_what_is_saved_is_what_is_loaded(case, tmp_path):
     fewer = lut.without(["left"], missing="border")
     fewer.save(tmp_path / "fewer.ipmlut")
     assert ipm_rs.RigLut.load(tmp_path / "fewer.ipmlut") == fewer
+    for one in (fewer.without(["back"], missing="border"), fewer.without(["back"], missing="next")):
+        one.save(tmp_path / "one.ipmlut")
+        again = ipm_rs.RigLut.load(tmp_path / "one.ipmlut")
+        assert again == one
+        np.testing.assert_array_equal(again.mask, one.mask)
 
 
 def test_damaged_and_other_files_are_refused(tmp_path):

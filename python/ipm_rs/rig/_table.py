@@ -282,7 +282,8 @@ class RigLut:
         names : iterable of str
             Cameras of the rig, not all of them.
         missing : {"next", "border"}
-            Whether their cells go to the next best camera that sees them, or to nobody.
+            Whether their cells go to the next best camera that sees them, or to nobody. What cameras see that were
+            left out with "border" before stays nobody's.
 
         Raises
         ------
@@ -306,6 +307,12 @@ class RigLut:
         return found
 
     def _without(self, left: list[str], missing: Missing) -> RigLut:
+        if self._of is not None:  # from the whole rig, or what was dropped before would be forgotten
+            whole, shown = self._of
+            if missing == "border":
+                return whole.without([name for name in whole._rig if name not in left], missing="border")
+            others = whole.without([name for name in shown if name not in left], missing="next")
+            return others.without([name for name in whole._rig if name not in shown], missing="border")
         masks = {name: mask for name, mask in self._options["masks"].items() if name in left}
         options = {**self._options, "masks": masks}
         rig = self._rig.subset(left)
