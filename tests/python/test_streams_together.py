@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import dataclasses
+import functools
 from pathlib import Path
+from time import sleep
 
 import numpy as np
 import pytest
@@ -11,6 +14,7 @@ from PIL import Image
 
 import ipm_rs
 from ipm_rs import cli, errors, streams
+from ipm_rs.cli import rig_stream
 
 K = [[30.0, 0, 31.5], [0, 30.0, 23.5], [0, 0, 1]]
 GRID = ipm_rs.BevGrid(x=(-6, 6), y=(-6, 6), resolution=0.25)
@@ -149,6 +153,86 @@ def test_the_command_takes_videos_and_topics(tmp_path, capsys):
         assert main(*run, *arguments) == 2
         assert phrase in capsys.readouterr().err, phrase
     assert not list(Path(tmp_path).glob("x*"))
+
+
+def test_the_maps_of_a_rig_of_streams_replace_nothing_unasked(tmp_path, capsys):
+    pytest.importorskip("av")
+    from test_streams import smooth, write_video
+
+    RIG.save(tmp_path / "rig.json")
+    (tmp_path / "folder").mkdir()
+    for name, first in (("front", 0), ("back", 5)):
+        write_video(tmp_path / f"{name}.mp4", [smooth(first + k) for k in range(2)])
+        Image.fromarray(smooth(first)).save(tmp_path / "folder" / f"{name}.png")
+    (tmp_path / "seen.png").write_bytes(b"mine")
+    videos = [f"{name}={tmp_path}/{name}.mp4" for name in RIG]
+    folders = [f"{name}={tmp_path}/folder" for name in RIG]
+    before = {path: path.read_bytes() for path in tmp_path.rglob("*.*")}
+
+    def run(sources: list[str], output: str, *options: str) -> int:
+        words = [f"{tmp_path}/{word}" if word[0] != "-" else word for word in options]
+        return main("rig", str(tmp_path / "rig.json"), *sources, "-o", f"{tmp_path}/{output}", *words)
+
+    for sources, output, options, phrase in (
+        (videos, "x.mp4", ["--mask", "seen.png"], "--force"),
+        (videos, "x.mp4", ["--source", "seen.png"], "--force"),
+        (videos, "x.mp4", ["--source", "rig.json"], "'.json'; rename"),
+        (videos, "x.mp4", ["--mask", "none/m.png"], "make"),
+        (videos, "x.mp4", ["--mask", "m.png", "--source", "m.png"], "twice"),
+        (videos, "x.mp4", ["--mask", "x.mp4"], "'.mp4'; rename"),
+        (folders, "x.mp4", ["--mask", "folder/back.png", "--force"], "got an input"),
+    ):
+        assert run(sources, output, *options) == 2
+        assert phrase in capsys.readouterr().err, phrase
+    assert {path: path.read_bytes() for path in tmp_path.rglob("*.*")} == before
+    assert run(videos, "x.mp4", "--mask", "seen.png", "--force") == 0
+    assert run(videos, "bevs", "--mask", "bevs/m.png") == 0
+    for mask in ("seen.png", "bevs/m.png"):
+        assert np.array_equal(np.asarray(Image.open(tmp_path / mask)) > 0, ipm_rs.RigLut(RIG, GRID).mask)
+
+
+def test_gains_follow_the_frames_whatever_the_threads_do(tmp_path, capsys, monkeypatch):
+    pytest.importorskip("av")
+    from test_streams import smooth, write_video
+
+    rig = ipm_rs.Rig({"front": camera(0), "left": camera(0.9)})  # which see much of the same road
+    rig.save(tmp_path / "rig.json")
+    for name, shade in (("front", 0.9), ("left", 0.5)):
+        pictures = [(smooth(0) * (shade if k % 2 else 1 - 0.5 * shade)).astype(np.uint8) for k in range(8)]
+        write_video(tmp_path / f"{name}.mp4", pictures)
+    opened, damaged = rig_stream.opened, 2
+
+    def uneven(path: Path, name: str) -> streams.Stream:
+        """Every third frame takes long, so that those after it are there first; one cannot be read."""
+        stream = opened(path, name)
+
+        def load(ticket: streams.Ticket) -> streams.Frame:
+            sleep(0.05 if ticket.index % 3 == 0 else 0)
+            if ticket.index == damaged:
+                raise errors.FileError("frame 2: damaged")
+            return ticket.load()
+
+        def tickets():
+            for ticket in stream.tickets():
+                yield dataclasses.replace(ticket, load=functools.partial(load, ticket))
+
+        return dataclasses.replace(stream, make=tickets)
+
+    monkeypatch.setattr(rig_stream, "opened", uneven)
+    videos = {name: tmp_path / f"{name}.mp4" for name in rig}
+    words = [f"{name}={path}" for name, path in videos.items()]
+    for jobs in ("1", "4"):
+        assert main("rig", f"{tmp_path}/rig.json", *words, "-o", f"{tmp_path}/{jobs}", "--gains", "--jobs", jobs) == 2
+        assert "1 of 8 frames" in capsys.readouterr().err
+    lut, gains = ipm_rs.RigLut(rig, GRID), None
+    for frame in streams.together({name: streams.open(path) for name, path in videos.items()}):
+        if frame.index == damaged:
+            continue
+        gains = lut.gains(frame.image, previous=gains)
+        assert abs(gains["front"] - gains["left"]).max() > 0.05
+        view = lut.warp(frame.image, interpolation="area", gains=gains)
+        for jobs in ("1", "4"):
+            assert np.array_equal(np.asarray(Image.open(tmp_path / jobs / f"{frame.name}_bev.png")), view)
 
 
 def main(*arguments: str) -> int:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import argparse
+import functools
 import threading
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -59,7 +61,10 @@ def run(args: argparse.Namespace, lut: ipm_rs.RigLut, sources: Mapping[str, Path
         images.check_format(path, "L", "the view")
         check_not_input(path, inputs)
         check_output(path, may_exist=args.force)
-    table = _Balanced(lut) if args.gains else lut
+    table: Any = lut
+    if args.gains:
+        table = _Balanced(lut)
+        joined = table.measuring(joined)
     summary = warped(joined, table, args.output, quiet=args.quiet, jobs=args.jobs, **options)
     conclude(args.output, lut, summary, quiet=args.quiet)
 
@@ -88,18 +93,44 @@ def opened(path: Path, name: str) -> streams.Stream:
 
 
 class _Balanced:
-    """Makes the table of a frame, with gains that follow the pictures of all cameras."""
+    """Makes the table of a frame, with gains that follow the pictures of all cameras from frame to frame.
+
+    Frames are loaded on several threads, and gains go on from those of the frame before: so each frame waits for its
+    turn to be measured, which all before it have had, those that cannot be read too.
+    """
 
     def __init__(self, lut: ipm_rs.RigLut) -> None:
-        self.lut, self.lock = lut, threading.Lock()
+        self.lut = lut
         self.gains: dict[str, NDArray[np.float32]] | None = None
+        self.of_frames: dict[int, dict[str, NDArray[np.float32]] | None] = {}
 
-    def __call__(self, frame: streams.Frame) -> _WithGains:
-        pictures: Any = frame.image
-        with self.lock:
+    def measuring(self, stream: streams.Stream) -> streams.Stream:
+        """Return the stream whose frames are measured as they are loaded."""
+        return replace(stream, make=lambda: self._tickets(stream))
+
+    def _tickets(self, stream: streams.Stream) -> Iterator[streams.Ticket]:
+        before = threading.Event()
+        before.set()
+        for ticket in stream.tickets():
+            after = threading.Event()
+            yield replace(ticket, load=functools.partial(self._load, ticket, before, after))
+            before = after
+
+    def _load(self, ticket: streams.Ticket, before: threading.Event, after: threading.Event) -> streams.Frame:
+        try:
+            frame = ticket.load()
+            before.wait()
+            pictures: Any = frame.image
             if len(pictures) == len(self.lut.rig):
                 self.gains = self.lut.gains(pictures, previous=self.gains)
-            return _WithGains(self.lut, self.gains)
+            self.of_frames[frame.index] = self.gains
+            return frame
+        finally:
+            before.wait()
+            after.set()
+
+    def __call__(self, frame: streams.Frame) -> _WithGains:
+        return _WithGains(self.lut, self.of_frames.pop(frame.index))
 
 
 class _WithGains:
