@@ -217,6 +217,27 @@ def test_damage_is_told(tmp_path):
         assert mosaic.image().any()
 
 
+def test_a_commit_that_fails_while_frames_are_added_can_be_made_again(tmp_path, monkeypatch, whole):
+    from ipm_rs.mosaic import _mosaic, _store
+
+    def full(file, **layers):
+        raise OSError(28, "No space left on device")
+
+    mosaic = on_disk(tmp_path)
+    monkeypatch.setattr(_mosaic, "_COMMIT", 4)
+    with monkeypatch.context() as patch:
+        patch.setattr(_store.np, "savez", full)
+        add(mosaic, range(3))
+        with pytest.raises(FileError, match=r"No space left.*is in the map.*commit\(\) again"):
+            add(mosaic, [3])
+    assert mosaic.frames == 4 and "frame 3" in mosaic
+    mosaic.commit()
+    add(mosaic, range(3, LENGTH))
+    mosaic.close()
+    with on_disk(tmp_path) as again:
+        assert_same(whole, again)
+
+
 def test_a_full_disk_leaves_the_last_commit(tmp_path, monkeypatch, whole):
     from ipm_rs.mosaic import _store
 

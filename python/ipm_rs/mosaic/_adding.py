@@ -100,6 +100,9 @@ class Addable(Readable):
             Another argument is wrong. In all of these cases nothing has been added.
         MosaicError
             A tile has as many frames as its sums hold; or an earlier call was interrupted half-way.
+        FileError
+            With a `path`: a tile cannot be read or written; or a commit, which is made now and then, fails. Of a commit
+            the error says that the frame is in the map, and `commit` can be called again.
 
         Warns
         -----

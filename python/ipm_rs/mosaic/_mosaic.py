@@ -255,7 +255,10 @@ class Mosaic(Addable):
         self._names.update(added)
         self._new_names += added if self._tiles.store is not None else []
         if self._uncommitted >= _COMMIT:
-            self.commit()
+            try:
+                self.commit()
+            except FileError as error:
+                raise FileError(f"{error}; what was added is in the map, so then call commit() again") from error
 
     def _check_whole(self) -> None:
         if self._closed:
