@@ -240,6 +240,17 @@ def test_a_video_becomes_a_video_with_the_same_timestamps(tmp_path):
     assert streams.warp(streams.open(tmp_path / "a.mkv"), LUT, tmp_path / "bev.mp4", skip_existing=True).done == 0
 
 
+def test_a_video_is_made_again_where_that_of_its_mask_is_not_there(tmp_path):
+    write_video(tmp_path / "a.mkv", [smooth(n) for n in range(3)])
+    bev, mask = tmp_path / "bev.mp4", tmp_path / "mask.mp4"
+    streams.warp(streams.open(tmp_path / "a.mkv"), LUT, bev)
+    for done in (3, 0):
+        summary = streams.warp(streams.open(tmp_path / "a.mkv"), LUT, bev, skip_existing=True, mask=mask)
+        assert summary.done == done and len(list(streams.open(bev))) == 3
+        shown = [np.atleast_3d(frame.image)[..., 0] > 127 for frame in streams.open(mask)]
+        assert len(shown) == 3 and (shown[0][: LUT.shape[0], : LUT.shape[1]] == LUT.mask).mean() > 0.98  # a lossy codec
+
+
 def test_nothing_half_is_left_of_a_video(tmp_path):
     write_video(tmp_path / "a.mkv", [smooth(n) for n in range(4)])
 
@@ -364,6 +375,10 @@ def test_the_command_takes_videos(folder, tmp_path, calibration, capsys):
     assert "3 frames" in capsys.readouterr().out
     assert [frame.timestamp for frame in streams.open(bev)] == pytest.approx([0, 0.2, 0.4], abs=1e-4)
     assert np.array_equal(np.asarray(Image.open(mask)) > 0, LUT.mask)
+    again = ["--mask", mask, "--mask-video", str(tmp_path / "mask.mp4"), "--skip-existing"]
+    for frames in ("2 frames", "0 frames"):  # then nothing is left to do
+        assert main(["warp", calibration, video, "-o", bev, "--every", "3", *again, *GRID]) == 0
+        assert frames in capsys.readouterr().out
     frames = str(tmp_path / "bevs")
     assert main(["warp", calibration, video, "-o", frames, "--start", "0.2", "--end", "0.5", *GRID]) == 0
     assert len(list(Path(frames).iterdir())) == 3
@@ -380,6 +395,8 @@ def test_the_command_takes_videos(folder, tmp_path, calibration, capsys):
         ([str(tmp_path / "b.mp4"), "-o", str(tmp_path / "x.mp4")], "32x32"),
         ([str(tmp_path / "d.mp4"), "-o", str(tmp_path / "x.mp4")], "d.mp4"),
         ([str(folder), "-o", str(tmp_path / "x"), "--start", "1"], "no time"),
+        ([video, "-o", str(tmp_path / "x.mp4"), "--mask", mask], "--force"),
+        ([str(folder), "-o", str(tmp_path / "x.mp4"), "--mask", f"{folder}/1.png", "--skip-existing"], "an input"),
     ):
         assert main(["warp", calibration, *arguments, *GRID]) == 2
         assert phrase in capsys.readouterr().err, phrase

@@ -53,6 +53,11 @@ def _kind(source: str) -> str | None:
         return None
 
 
+def files_of(source: str) -> list[Path]:
+    """Return what a stream is read from: its file, or the images of a folder."""
+    return [Path(source), *(folder.paths_of(source) if _kind(source) == "folder" else [])]
+
+
 def _opened(args: argparse.Namespace, source: str) -> streams.Stream:
     """Open the input with the options of its kind."""
     kind = streams.recognise(source)
@@ -88,16 +93,16 @@ def run(args: argparse.Namespace, grid: ipm_rs.BevGrid, options: dict[str, Any])
             f"{stream.size[1]}"
         )
     check_destination(output, [source], force=args.force, skip_existing=args.skip_existing)
-    inputs = [args.calibration, *files_of(source)]
+    inputs, may_exist = [args.calibration, *files_of(source)], args.force or args.skip_existing
     if args.mask is not None:
         images.check_format(args.mask, "L", "the mask")
-        check_output(args.mask, may_exist=args.force)
+        check_output(args.mask, may_exist=may_exist)
         check_not_input(args.mask, inputs)
     if args.mask_video is not None:
         if args.mask_video.suffix.lower() not in VIDEO_CODECS:
             known = ", ".join(VIDEO_CODECS)
             raise ArgumentError(f"--mask-video: expected a name that ends in {known}, got {args.mask_video}; rename it")
-        check_output(args.mask_video, may_exist=args.force)
+        check_output(args.mask_video, may_exist=may_exist)
         check_not_input(args.mask_video, inputs)
         if os.path.realpath(args.mask_video) == os.path.realpath(output):
             raise ArgumentError(f"{output}: expected a name of its own for --mask-video, got the output's; rename one")

@@ -86,7 +86,8 @@ def warp(
     jobs : int, optional
         Threads; by default the CPUs that the process may use.
     skip_existing : bool
-        Leave out frames whose files are in the folder already: goes on after a stop.
+        Leave out frames whose files are in the folder already: goes on after a stop. A video is made again only if it
+        or that of `mask` is not there.
     strict : bool
         Stop at the first frame that fails.
     ending : str, optional
@@ -131,8 +132,9 @@ def warp(
     if place is not None and os.path.realpath(place) == os.path.realpath(path):
         raise ArgumentError(f"mask: expected a name of its own, got the output's, {path}; rename one")
     with _placing(path):
-        if skip_existing and path.suffix.lower() in VIDEO_CODECS and path.exists():
-            return Summary()  # a video is there only if it is whole
+        is_there = path.suffix.lower() in VIDEO_CODECS and path.exists()  # a video is there only if it is whole
+        if skip_existing and is_there and (place is None or place.exists()):
+            return Summary()
         if is_folder(path, ending) or (place is not None and is_folder(place)):
             _check_names(stream)
         sinks = [sink_for(path, rate=stream.rate, ending=ending, level=level)]
