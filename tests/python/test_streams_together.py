@@ -179,7 +179,7 @@ def test_the_maps_of_a_rig_of_streams_replace_nothing_unasked(tmp_path, capsys):
         (videos, "x.mp4", ["--source", "rig.json"], "'.json'; rename"),
         (videos, "x.mp4", ["--mask", "none/m.png"], "make"),
         (videos, "x.mp4", ["--mask", "m.png", "--source", "m.png"], "twice"),
-        (videos, "x.mp4", ["--mask", "x.mp4"], "'.mp4'; rename"),
+        (videos, "x.mp4", ["--mask", "x.mp4"], "twice"),
         (folders, "x.mp4", ["--mask", "folder/back.png", "--force"], "got an input"),
     ):
         assert run(sources, output, *options) == 2

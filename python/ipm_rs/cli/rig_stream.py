@@ -60,7 +60,8 @@ def run(args: argparse.Namespace, lut: ipm_rs.RigLut, sources: Mapping[str, Path
     for path in extra:
         images.check_format(path, "L", "the view")
         check_not_input(path, inputs)
-        check_output(path, may_exist=args.force)
+        in_folder = path.parent == args.output and args.output.suffix.lower() not in VIDEO_CODECS  # which is made
+        check_output(path, may_exist=args.force, may_make=in_folder)
     table: Any = lut
     if args.gains:
         table = _Balanced(lut)

@@ -53,11 +53,6 @@ def _kind(source: str) -> str | None:
         return None
 
 
-def files_of(source: str) -> list[Path]:
-    """Return what a stream is read from: its file, or the images of a folder."""
-    return [Path(source), *(folder.paths_of(source) if _kind(source) == "folder" else [])]
-
-
 def _opened(args: argparse.Namespace, source: str) -> streams.Stream:
     """Open the input with the options of its kind."""
     kind = streams.recognise(source)
