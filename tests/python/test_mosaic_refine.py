@@ -111,6 +111,43 @@ def test_colours_are_refined_alike(frames, refined):
         assert np.abs(mosaic.image()[..., channel].astype(int) - refined.image()).max() <= 2
 
 
+def test_exposures_are_those_that_frames_were_added_with(frames, refined):
+    gains = [1 / 0.6 if i % 2 else 1.0 for i in range(len(frames))]
+    darker = [
+        (lens, np.rint(image / gain).astype(np.uint8), pose, {"gain": gain})
+        for (lens, image, pose), gain in zip(frames, gains, strict=True)
+    ]
+    mosaic = ipm_rs.Mosaic(0.05, tile=64)
+    for lens, image, pose, options in darker:
+        mosaic.add(lens, image, map_from_vehicle=pose, distance=DISTANCE, **options)
+    mosaic.refine(darker, distance=DISTANCE)
+    # 255 / 0.6 is more than a byte has, and dark frames are rounded: nearly what the frames themselves give
+    assert off(mosaic.image(*RANGES), mosaic) < 1.03 * off(refined.image(*RANGES), refined)
+    assert off(mosaic.image(*RANGES), mosaic) < 0.95 * off(mosaic.image(*RANGES, blend="weighted"), mosaic)
+
+
+def test_what_a_mask_hid_stays_hidden(frames, refined):
+    shown = np.ones((HEIGHT, WIDTH), bool)
+    shown[:, WIDTH // 3 : WIDTH // 2] = False
+    lorry = [(lens, np.where(shown, image, 5).astype(np.uint8), pose) for lens, image, pose in frames]
+    mosaic = ipm_rs.Mosaic(0.05, tile=64)
+    for lens, image, pose in lorry:
+        mosaic.add(lens, image, map_from_vehicle=pose, distance=DISTANCE, mask=shown)
+    mosaic.refine([(*frame, {"mask": shown}) for frame in lorry], distance=DISTANCE)
+    hidden, clean = mosaic.image(*RANGES), ipm_rs.Mosaic(0.05, tile=64)
+    for lens, image, pose in frames:
+        clean.add(lens, image, map_from_vehicle=pose, distance=DISTANCE, mask=shown)
+    clean.refine([(lens.masked(shown), image, pose) for lens, image, pose in frames], distance=DISTANCE)
+    np.testing.assert_array_equal(hidden, clean.image(*RANGES))
+    # a ring takes them by camera, as `add` does
+    ring = ipm_rs.Rig({"front": camera()})
+    mosaic.refine(
+        [(ring, {"front": image}, pose, {"mask": {"front": shown}, "gain": {"front": 1}}) for _, image, pose in lorry],
+        distance=DISTANCE,
+    )
+    np.testing.assert_array_equal(mosaic.image(*RANGES), hidden)
+
+
 def test_mistakes_leave_the_picture_as_it_was(frames):
     mosaic = mosaic_of(frames[:2])
     before = mosaic.image()
@@ -122,6 +159,15 @@ def test_mistakes_leave_the_picture_as_it_was(frames):
         mosaic.refine([frames[0], frames[1][:2]])
     with pytest.raises(ipm_rs.ArgumentTypeError, match="camera, image"):
         mosaic.refine([7])
+    with pytest.raises(ipm_rs.ArgumentTypeError, match="fourth"):
+        mosaic.refine([(*frames[0], "name")])
+    with pytest.raises(ipm_rs.ArgumentError, match="'weight' too"):
+        mosaic.refine([(*frames[0], {"weight": 1})])
+    with pytest.raises(ipm_rs.ArgumentError, match="gain"):
+        mosaic.refine([(*frames[0], {"gain": -1})])
+    for elsewhere in ([], [(camera(), frames[0][1], standing_at(500))]):
+        with pytest.raises(ipm_rs.ArgumentError, match="frames: expected some that show"):
+            mosaic.refine(elsewhere)
     with pytest.raises(ipm_rs.ArgumentError, match="iterations"):
         mosaic.refine(frames, iterations=0)
     with pytest.raises(DtypeError):

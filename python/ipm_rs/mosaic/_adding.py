@@ -16,7 +16,7 @@ from ipm_rs._core import Camera, HeightMap, Plane, _mosaic_shown
 from ipm_rs.errors import ArgumentError, ArgumentTypeError, CalibrationWarning, MosaicError
 from ipm_rs.mosaic._checks import each_of, whole_of
 from ipm_rs.mosaic._exposure import gain_of
-from ipm_rs.mosaic._frames import Wanted, checked_pictures, id_of
+from ipm_rs.mosaic._frames import Wanted, again_of, checked_pictures, id_of
 from ipm_rs.mosaic._placing import Placed, Window, distance_of, ground_in_map, placed, pose_of, windows
 from ipm_rs.mosaic._reading import Readable
 from ipm_rs.mosaic._refining import refined
@@ -187,7 +187,7 @@ class Addable(Readable):
 
     def refine(
         self,
-        frames: Iterable[tuple[Camera | Rig | Mapping[str, Camera], Any, ArrayLike]],
+        frames: Iterable[Sequence[Any]],
         iterations: int = 2,
         *,
         ground: float | Plane | HeightMap | Literal["wheels"] = 0.0,
@@ -203,8 +203,10 @@ class Addable(Readable):
 
         Parameters
         ----------
-        frames : iterable of (camera, image, map_from_vehicle)
-            Those that were added, as `add` takes them. Gone through once for each iteration, so no generator.
+        frames : iterable of (camera, image, map_from_vehicle) or (camera, image, map_from_vehicle, options)
+            Those that were added, as `add` takes them. `options` is a mapping with the ``"gain"`` and the ``"mask"``
+            that the frame was added with: without them, what the mask hid is brought back, and the frame's own
+            exposure. Gone through once for each iteration, so no generator.
         iterations : int
             1 to 20. After two or three, noise grows.
         ground, distance, threads
@@ -228,12 +230,9 @@ class Addable(Readable):
 
         def shown() -> Iterator[tuple[NDArray[Any], Placed, list[Window]]]:
             for frame in each_of("frames", frames, again=True):
-                if not isinstance(frame, (tuple, list)) or len(frame) != 3:
-                    raise ArgumentTypeError(
-                        f"frames: expected (camera, image, map_from_vehicle), got {type(frame).__name__}"
-                    )
-                pose = pose_of(frame[2])
-                for picture in checked_pictures(frame[0], frame[1], None, self._wanted(), 1.0):
+                given = again_of(frame)
+                pose = pose_of(given.map_from_vehicle)
+                for picture in checked_pictures(given.camera, given.image, given.mask, self._wanted(), given.gain):
                     camera = placed(picture.camera, pose, ground_in_map(ground, pose), limits, 1.0)
                     parts = [part for part in windows(camera, self._resolution, self._side) if part.key in self._tiles]
                     yield picture.image, camera, parts

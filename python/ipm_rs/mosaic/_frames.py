@@ -16,7 +16,7 @@ from ipm_rs.errors import ArgumentError, ArgumentTypeError, DtypeError, ImageErr
 from ipm_rs.rig import Rig
 from ipm_rs.rig._cameras import check_names
 
-__all__ = ["Picture", "Wanted", "checked_pictures", "id_of"]
+__all__ = ["Again", "Picture", "Wanted", "again_of", "checked_pictures", "id_of"]
 
 
 @dataclass(frozen=True)
@@ -35,6 +35,40 @@ class Wanted:
     channels: int | None
     dtype: np.dtype[Any] | None
     labels: bool = False
+
+
+@dataclass(frozen=True)
+class Again:
+    """A frame that is gone through again, with what `Mosaic.add` was told of its pictures."""
+
+    camera: Any
+    image: Any
+    map_from_vehicle: Any
+    mask: Any = None
+    gain: Any = 1.0
+
+
+def again_of(item: Any) -> Again:
+    """Return a frame of a list: (camera, image, map_from_vehicle), and maybe a mapping with ``gain`` and ``mask``.
+
+    Raises
+    ------
+    ArgumentTypeError, ArgumentError
+    """
+    wanted = "frames: expected (camera, image, map_from_vehicle), or a fourth item such as {'gain': 1.2, 'mask': mask}"
+    if not isinstance(item, (tuple, list)) or len(item) not in (3, 4):
+        got = f"{type(item).__name__} of {len(item)}" if isinstance(item, (tuple, list)) else type(item).__name__
+        raise ArgumentTypeError(f"{wanted}, got {got}; give what `add` was given")
+    options = item[3] if len(item) == 4 else {}
+    if not isinstance(options, Mapping):
+        raise ArgumentTypeError(f"{wanted}, got {type(options).__name__} as the fourth; give a mapping")
+    others = [key for key in options if key not in ("gain", "mask")]
+    if others:
+        raise ArgumentError(
+            f"frames: expected 'gain' and 'mask' of a frame, got {others[0]!r:.40} too; give `ground` and `distance` "
+            "to `refine`, and leave out the rest"
+        )
+    return Again(*item[:3], **options)
 
 
 def checked_pictures(

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ipm_rs._core import Lut
+from ipm_rs.errors import ArgumentError
 from ipm_rs.mosaic._checks import overlap
 from ipm_rs.mosaic._placing import Placed, Window
 from ipm_rs.mosaic._tiles import TileKey
@@ -137,6 +138,10 @@ def refined(
                 if parts:
                     picture, scale = encoded(textures.difference(camera, image, parts, mosaic.resolution), dtype)
                     missing._accumulate([(picture, camera, parts)], threads)
+            if not missing.tiles:
+                raise ArgumentError(
+                    "frames: expected some that show tiles of the map, got none; give the frames that were added to it"
+                )
             new: dict[TileKey, Array] = {}
             for i, j in mosaic.tiles:
                 x, y = (i * side - 1, (i + 1) * side + 1), (j * side - 1, (j + 1) * side + 1)
