@@ -110,7 +110,7 @@ class Addable(Readable):
             The vehicle lies on its side, or the drive goes up more than along, or sideways: poses of a camera, or of
             other axes. Once for each map.
         """
-        self._check_whole()
+        self._check_changeable()
         pose = pose_of(map_from_vehicle)
         road, limits = ground_in_map(ground, pose), distance_of(distance)
         share = number_of("weight", weight, low=0.0, what=" up to 1")
@@ -219,7 +219,7 @@ class Addable(Readable):
         ArgumentError, ArgumentTypeError, ImageError, DtypeError, CalibrationError
             As `add`; the picture stays as it was.
         """
-        self._check_whole()
+        self._check_changeable()
         steps, limits = whole_of("iterations", iterations, 1, 20), distance_of(distance)
         threads = None if threads is None else whole_of("threads", threads, 1, 1024)
         kind = self._kind

@@ -156,7 +156,7 @@ class Mosaic(Addable):
         FileError
             It cannot be written; the map on disk is that of the last commit.
         """
-        self._check_whole()
+        self._check_changeable()
         if self._tiles.store is not None:
             self._tiles.flush()
             self._tiles.store.commit(self._resolution, self._kind, self._frames, self._new_names)
@@ -165,16 +165,27 @@ class Mosaic(Addable):
     def close(self) -> None:
         """With a `path`, commit and let others open it; the mosaic cannot be used any more.
 
-        After an `add` that was interrupted half-way nothing is committed.
+        After an `add` that was interrupted half-way nothing is committed, nor by a process that was forked from the one
+        that opened it. A mosaic that is collected without `close` lets others open it as it was at the last commit.
         """
         if self._tiles.store is None or self._closed:
             return
         try:
-            if not self._broken:
+            if not self._broken and self._tiles.store.ours:
                 self.commit()
         finally:
             self._tiles.store.close()
             self._closed = True
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what is pickled, or refuse: two objects that write one directory would lose each other's frames."""
+        store = self._tiles.store
+        if store is not None:
+            raise MosaicError(
+                f"mosaic: expected one in memory to copy or pickle, got one that lives in {store.path}, which one at a "
+                "time has open; close it and open it there with Mosaic.load, or `save` it elsewhere and load that"
+            )
+        return self.__dict__.copy()
 
     def __enter__(self) -> Mosaic:
         return self
@@ -208,7 +219,7 @@ class Mosaic(Addable):
             raise ArgumentTypeError(f"other: expected an ipm_rs.Mosaic, got {type(other).__name__}")
         if other is self:
             raise MosaicError("other: expected another map, got this one, whose frames would be added twice")
-        self._check_whole()
+        self._check_changeable()
         other._check_whole()
         if (self._resolution, self._side) != (other._resolution, other._side):
             raise MosaicError(
@@ -259,6 +270,11 @@ class Mosaic(Addable):
                 self.commit()
             except FileError as error:
                 raise FileError(f"{error}; what was added is in the map, so then call commit() again") from error
+
+    def _check_changeable(self) -> None:
+        self._check_whole()
+        if self._tiles.store is not None:
+            self._tiles.store.check_ours()
 
     def _check_whole(self) -> None:
         if self._closed:

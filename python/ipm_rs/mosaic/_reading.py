@@ -48,6 +48,10 @@ class Readable(ABC):
     def _check_whole(self) -> None:
         """Refuse a map that was closed, or interrupted half-way."""
 
+    @abstractmethod
+    def _check_changeable(self) -> None:
+        """Refuse these, and one that another process opened."""
+
     @property
     def resolution(self) -> float:
         """Metres a cell."""

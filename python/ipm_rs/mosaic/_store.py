@@ -15,7 +15,6 @@ import contextlib
 import json
 import os
 import re
-import sys
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -24,6 +23,7 @@ import numpy as np
 
 from ipm_rs.errors import FileError, MosaicError
 from ipm_rs.files.atomic import as_path, atomically, check_source, reading
+from ipm_rs.mosaic._lock import DirectoryLock
 from ipm_rs.mosaic._tiles import Kind, Tile, TileKey
 
 __all__ = ["Store", "cells_of", "check_same"]
@@ -61,7 +61,7 @@ class Store:
         self._written: dict[TileKey, tuple[int, int]] = {}  # the same of tiles that mosaic.json does not name yet
         self._size = 0  # bytes of frames.txt that count
         self._make()
-        self._lock: int | None = _locked(self.path / _LOCK)
+        self._lock = DirectoryLock(self.path / _LOCK)
         try:
             if (self.path / _HEADER).exists():
                 self._read()
@@ -72,9 +72,20 @@ class Store:
 
     def close(self) -> None:
         """Let others open it; what was not committed is lost."""
-        if self._lock is not None:
-            os.close(self._lock)
-            self._lock = None
+        self._lock.release()
+
+    @property
+    def ours(self) -> bool:
+        """Whether this process opened it; one that was forked from that may read, and nothing else."""
+        return self._lock.ours
+
+    def check_ours(self) -> None:
+        """Refuse changes by a forked process, of which the one that opened it would not know."""
+        if not self.ours:
+            raise MosaicError(
+                f"{self.path}: expected changes by the process that opened the mosaic, got some by one that was forked "
+                "from it; make them there, or build a map of its own here and merge that"
+            )
 
     @property
     def keys(self) -> set[TileKey]:
@@ -119,6 +130,7 @@ class Store:
 
     def write(self, key: TileKey, tile: Tile) -> None:
         """Write a tile under its next number; it counts from the next `commit` on."""
+        self.check_ours()
         number = max(self._numbers.get(key, (0, 0))[0], self._written.get(key, (0, 0))[0]) + 1
         seen = tile.arrays.counts > 0
         rows, columns = np.flatnonzero(seen.any(1)), np.flatnonzero(seen.any(0))
@@ -143,6 +155,7 @@ class Store:
         FileError
             It cannot be written; the map is the one before.
         """
+        self.check_ours()
         text = "".join(json.dumps(name) + "\n" for name in names).encode()
         with _written_to(self.path / _NAMES), (self.path / _NAMES).open("r+b" if self._size else "wb") as file:
             file.seek(self._size)
@@ -250,31 +263,6 @@ def _written_to(path: Path) -> Any:
         raise FileError(
             f"{path}: expected to write it, got: {error.strerror or error}; check permissions and the free space"
         ) from error
-
-
-def _locked(path: Path) -> int:
-    """Return the descriptor of a file that is locked until it is closed, also by the end of the process."""
-    try:
-        descriptor = os.open(path, os.O_RDWR | os.O_CREAT | getattr(os, "O_CLOEXEC", 0), 0o666)
-    except OSError as error:
-        raise FileError(
-            f"{path}: expected to open it, got: {error.strerror or error}; check the permissions"
-        ) from error
-    try:
-        if sys.platform == "win32":
-            import msvcrt
-
-            msvcrt.locking(descriptor, msvcrt.LK_NBLCK, 1)
-        else:
-            import fcntl
-
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError as error:
-        os.close(descriptor)
-        raise FileError(
-            f"{path.parent}: expected a mosaic that nobody else has open, got one that is in use; close it there first"
-        ) from error
-    return descriptor
 
 
 def check_same(store: Store, resolution: float, side: int, asked: tuple[int | None, np.dtype[Any] | None]) -> None:
