@@ -11,16 +11,25 @@ from numpy.typing import NDArray
 
 from ipm_rs.errors import ArgumentError, FileError, MissingExtraError
 from ipm_rs.files.atomic import check_target
+from ipm_rs.mosaic._tiles import TileKey
 
 __all__ = ["write_geotiff"]
 
 Read = Callable[[tuple[int, int], tuple[int, int]], tuple[NDArray[Any], NDArray[np.bool_]]]
 
 
+_BLOCK = 1024
+"""Cells along a side of what is read and written at once."""
+
+_MOST_CELLS = 1 << 38
+"""Cells of the rectangle around the map, which takes GDAL's overviews an hour although most of it is empty."""
+
+
 def write_geotiff(
     path: Path,
     read: Read,
     bounds: tuple[tuple[int, int], tuple[int, int]],
+    tiles: tuple[list[TileKey], int],
     *,
     resolution: float,
     channels: int,
@@ -29,8 +38,9 @@ def write_geotiff(
     origin: tuple[float, float],
     labels: bool,
 ) -> None:
-    """Write tile after tile, so that memory stays bounded, and overviews; the file appears when it is whole.
+    """Write block after block, so that memory stays bounded, and overviews; the file appears when it is whole.
 
+    Blocks in which no one of the map's `tiles`, so many cells long, lies are left out of the file.
     The map's x is taken as east and its y as north, both from `origin`. Overviews never mix `labels`.
     """
     try:
@@ -45,6 +55,11 @@ def write_geotiff(
         ) from error
     (first_x, end_x), (first_y, end_y) = bounds
     width, height = end_x - first_x, end_y - first_y
+    if width * height > _MOST_CELLS:
+        raise ArgumentError(
+            f"mosaic: expected at most {_MOST_CELLS:.3g} cells around all tiles for a GeoTIFF, got {width} x {height}; "
+            "leave out frames that lie far away, or use export_tiles"
+        )
     check_target(path)
     try:
         system = rasterio.crs.CRS.from_user_input(crs)
@@ -67,23 +82,22 @@ def write_geotiff(
         "blockysize": 256,
         "compress": "deflate",
         "bigtiff": "if_safer",
+        "sparse_ok": True,
     }
-    block = 1024
     try:
         try:
             with rasterio.open(temporary, "w", **profile) as file:
                 colours = {1: ["gray"], 3: ["red", "green", "blue"]}.get(channels, ["undefined"] * channels)
                 file.colorinterp = [ColorInterp[colour] for colour in [*colours, "alpha"]]
-                for left in range(first_x, end_x, block):
-                    for low in range(first_y, end_y, block):
-                        right, high = min(left + block, end_x), min(low + block, end_y)
-                        values, mask = read((left, right), (low, high))
-                        # x up and y left become east to the right and north up
-                        values, mask = (np.swapaxes(layer[::-1], 0, 1) for layer in (values, mask))
-                        bands = values[None] if values.ndim == 2 else np.moveaxis(values, 2, 0)
-                        alpha = np.where(mask, np.iinfo(dtype).max, 0).astype(dtype)
-                        window = Window(left - first_x, end_y - high, right - left, high - low)
-                        file.write(np.concatenate([bands, alpha[None]]), window=window)
+                for left, low in _blocks(bounds, tiles):
+                    right, high = min(left + _BLOCK, end_x), min(low + _BLOCK, end_y)
+                    values, mask = read((left, right), (low, high))
+                    # x up and y left become east to the right and north up
+                    values, mask = (np.swapaxes(layer[::-1], 0, 1) for layer in (values, mask))
+                    bands = values[None] if values.ndim == 2 else np.moveaxis(values, 2, 0)
+                    alpha = np.where(mask, np.iinfo(dtype).max, 0).astype(dtype)
+                    window = Window(left - first_x, end_y - high, right - left, high - low)
+                    file.write(np.concatenate([bands, alpha[None]]), window=window)
             rasterio.shutil.copy(
                 temporary,
                 laid_out,
@@ -92,6 +106,7 @@ def write_geotiff(
                 compress="deflate",
                 overview_resampling="nearest" if labels else "average",
                 bigtiff="if_safer",
+                sparse_ok=True,
             )
             laid_out.replace(path)
         finally:
@@ -101,3 +116,16 @@ def write_geotiff(
         raise FileError(
             f"{path}: expected to write it, got: {error}; check the directory and the free space"
         ) from error
+
+
+def _blocks(bounds: tuple[tuple[int, int], tuple[int, int]], tiles: tuple[list[TileKey], int]) -> list[tuple[int, int]]:
+    """Return where the blocks begin in which a tile lies."""
+    (first_x, _), (first_y, _), (keys, side) = *bounds, tiles
+    found = set()
+    for key in keys:
+        rows, columns = (
+            range((index * side - first) // _BLOCK, ((index + 1) * side - 1 - first) // _BLOCK + 1)
+            for index, first in zip(key, (first_x, first_y), strict=True)
+        )
+        found |= {(first_x + row * _BLOCK, first_y + column * _BLOCK) for row in rows for column in columns}
+    return sorted(found)

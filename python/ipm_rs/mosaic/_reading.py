@@ -92,8 +92,10 @@ class Readable(ABC):
         """((x min, x max), (y min, y max)) around all tiles, metres; None where there is none."""
         if not self._tiles.keys():
             return None
-        grid = self._grid(*self._extent())
-        return grid.x, grid.y
+        # no grid's, which has fewer cells than lie around two far apart
+        (first_x, end_x), (first_y, end_y) = self._extent()
+        r = self._resolution
+        return (first_x * r, end_x * r), (first_y * r, end_y * r)
 
     @property
     def nbytes(self) -> int:
@@ -235,12 +237,12 @@ class Readable(ABC):
         from ipm_rs.mosaic._slippy import write_tiles
 
         place, wanted = as_path(directory, "directory"), self._blend_of(blend)
-        (first_x, end_x), (first_y, end_y) = self._cells(None, None)
+        (_, end_x), (_, end_y) = bounds = self._whole()
 
         def read(top: int, bottom: int, left: int, right: int) -> tuple[NDArray[Any], NDArray[np.bool_]]:
             return self._picture((end_x - bottom, end_x - top), (end_y - right, end_y - left), wanted)
 
-        return write_tiles(place, read, ((first_x, end_x), (first_y, end_y)), self._resolution)
+        return write_tiles(place, read, bounds, self._resolution, (self._tiles.keys(), self._side))
 
     def export_geotiff(
         self,
@@ -276,13 +278,14 @@ class Readable(ABC):
         values = array_of("origin", origin)
         if values.shape != (2,) or values.dtype.kind not in "iuf" or not np.isfinite(values).all():
             raise ArgumentError(f"origin: expected two finite numbers (east, north), got shape {values.shape}")
-        bounds = self._cells(None, None)
+        bounds = self._whole()
         assert self.channels is not None
         assert self.dtype is not None
         write_geotiff(
             place,
             lambda x, y: self._picture(x, y, wanted),
             bounds,
+            (self._tiles.keys(), self._side),
             resolution=self._resolution,
             channels=self.channels,
             dtype=self.dtype,
@@ -304,6 +307,13 @@ class Readable(ABC):
         layers = self._read(x, y, [blend, "mask"])
         return layers[blend], layers["mask"]
 
+    def _whole(self) -> tuple[tuple[int, int], tuple[int, int]]:
+        """Return the cells around all tiles, as many as they may be: for what is written in parts."""
+        self._check_whole()
+        if not self._tiles.keys():
+            raise ArgumentError("mosaic: expected frames to write a picture of, got none; add some")
+        return self._extent()
+
     def _extent(self) -> tuple[tuple[int, int], tuple[int, int]]:
         keys = np.array(self._tiles.keys())
         (low_i, low_j), (high_i, high_j) = keys.min(0) * self._side, (keys.max(0) + 1) * self._side
@@ -323,6 +333,6 @@ class Readable(ABC):
         if (end_x - first_x) * (end_y - first_y) > _MOST_CELLS:
             raise ArgumentError(
                 f"x, y: expected a window of at most {_MOST_CELLS} cells, got {end_x - first_x} x {end_y - first_y}; "
-                "read it in parts"
+                "read it in parts, or write files of the whole with export_tiles and export_geotiff"
             )
         return (first_x, end_x), (first_y, end_y)

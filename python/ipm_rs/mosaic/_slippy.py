@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from ipm_rs.errors import FileError
 from ipm_rs.files import images
 from ipm_rs.files.atomic import atomically
+from ipm_rs.mosaic._tiles import TileKey
 
 __all__ = ["write_tiles"]
 
@@ -25,14 +26,17 @@ Read = Callable[[int, int, int, int], tuple[NDArray[Any], NDArray[np.bool_]]]
 Bounds = tuple[tuple[int, int], tuple[int, int]]
 
 
-def write_tiles(directory: Path, read: Read, bounds: Bounds, resolution: float) -> int:
+def write_tiles(
+    directory: Path, read: Read, bounds: Bounds, resolution: float, tiles: tuple[list[TileKey], int]
+) -> int:
     """Write ``<z>/<x>/<y>.png`` and ``index.html``; returns how many tiles.
 
     The map's x points up the page and its y to the left, as in every view of this package. Column 0 and row 0 are those
     of the map's largest y and x. Level 0 is one tile; each further one doubles the resolution, the last is the map's
     own.
 
-    `read` takes a first and an end of rows and of columns, counted from there, and returns picture and mask.
+    `read` takes a first and an end of rows and of columns, counted from there, and returns picture and mask. `tiles`
+    are the map's own, and their side in cells: where none is, nothing is read.
     """
     (first_x, end_x), (first_y, end_y) = bounds
     rows, columns = end_x - first_x, end_y - first_y
@@ -41,14 +45,17 @@ def write_tiles(directory: Path, read: Read, bounds: Bounds, resolution: float) 
         directory.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise FileError(f"{directory}: expected a directory for tiles, got: {error.strerror}; give another") from error
-    written = 0
+    written, side = 0, tiles[1]
+    # of each tile of the map its first row and column
+    corners = [(end_x - (i + 1) * side, end_y - (j + 1) * side) for i, j in tiles[0]]
 
-    def picture(z: int, column: int, row: int) -> NDArray[np.uint8] | None:
+    def picture(z: int, column: int, row: int, near: list[tuple[int, int]]) -> NDArray[np.uint8] | None:
         """Return RGBA of a tile, written on the way, from the four below it; None where there is nothing."""
         nonlocal written
         size = SIDE << (levels - z)
         top, left = row * size, column * size
-        if top >= rows or left >= columns:
+        near = [(down, across) for down, across in near if -side < down - top < size and -side < across - left < size]
+        if not near:
             return None
         whole = np.zeros((SIDE, SIDE, 4), np.uint8)
         if z == levels:
@@ -61,7 +68,7 @@ def write_tiles(directory: Path, read: Read, bounds: Bounds, resolution: float) 
             half = SIDE // 2
             for down in (0, 1):
                 for across in (0, 1):
-                    part = picture(z + 1, 2 * column + across, 2 * row + down)
+                    part = picture(z + 1, 2 * column + across, 2 * row + down, near)
                     if part is not None:
                         whole[down * half : (down + 1) * half, across * half : (across + 1) * half] = _halved(part)
         if not whole[..., 3].any():
@@ -75,7 +82,7 @@ def write_tiles(directory: Path, read: Read, bounds: Bounds, resolution: float) 
         written += 1
         return whole
 
-    picture(0, 0, 0)
+    picture(0, 0, 0, corners)
     about = {
         "levels": levels,
         "side": SIDE,

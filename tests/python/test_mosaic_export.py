@@ -1,0 +1,88 @@
+"""Files of maps for other programs: of what lies far apart, over older ones, and what is refused."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+from PIL import Image
+from test_mosaic import POSES, camera, mosaic_of, seen_from, standing_at
+
+import ipm_rs
+
+FAR = 1750.0  # 17 500 cells, the square of which is more than 2^28
+
+
+@pytest.fixture(scope="module")
+def frames():
+    return [(seen_from(camera(), pose), pose) for pose in POSES]
+
+
+@pytest.fixture(scope="module")
+def wide(frames):
+    mosaic = mosaic_of(frames[:2])
+    mosaic.add(camera(), frames[0][0], map_from_vehicle=standing_at(FAR, FAR, 0.7), distance=(2, 20))
+    return mosaic
+
+
+def parts_of(mosaic):
+    """The picture and the mask of each tile, and where it lies: x up to and y up to."""
+    side = mosaic.tile * mosaic.resolution
+    for i, j in mosaic.tiles:
+        layers = mosaic.layers((i * side, (i + 1) * side), (j * side, (j + 1) * side), names=("refined", "mask"))
+        yield layers["refined"], layers["mask"], ((i + 1) * side, (j + 1) * side)
+
+
+def test_a_map_of_far_places_has_bounds_and_no_picture(wide):
+    side = wide.tile * wide.resolution
+    edges = [(min(keys) * side, (max(keys) + 1) * side) for keys in zip(*wide.tiles, strict=True)]
+    np.testing.assert_allclose(wide.bounds, edges)
+    for call in (wide.image, wide.layers):
+        with pytest.raises(ipm_rs.ArgumentError, match="read it in parts"):
+            call()
+
+
+def test_tiles_of_far_places_are_the_map(tmp_path, wide):
+    count = wide.export_tiles(tmp_path)
+    files = {tuple(map(int, re.findall(r"\d+", str(path.relative_to(tmp_path))))) for path in tmp_path.rglob("*.png")}
+    assert len(files) == count < 100
+    levels = max(z for z, _, _ in files)
+    (_, x_max), (_, y_max) = wide.bounds
+    pixels = 0
+    for picture, mask, (x, y) in parts_of(wide):
+        top, left = round((x_max - x) / 0.1), round((y_max - y) / 0.1)
+        name = tmp_path / f"{levels}/{left // 256}/{top // 256}.png"
+        page = np.asarray(Image.open(name)) if name.exists() else np.zeros((256, 256, 4), np.uint8)
+        part = page[top % 256 : top % 256 + 64, left % 256 : left % 256 + 64]  # 64 is a part of 256
+        np.testing.assert_array_equal(part[..., 0] * mask, picture)
+        np.testing.assert_array_equal(part[..., 3] > 0, mask)
+        pixels += mask.sum()
+    finest = [np.asarray(Image.open(path)) for path in (tmp_path / str(levels)).rglob("*.png")]
+    assert sum((page[..., 3] > 0).sum() for page in finest) == pixels
+
+
+@pytest.mark.filterwarnings("ignore::PendingDeprecationWarning")  # of affine, by rasterio
+def test_a_geotiff_of_far_places_is_the_map(tmp_path, wide):
+    rasterio = pytest.importorskip("rasterio")
+    path = tmp_path / "map.tif"
+    wide.export_geotiff(path, crs="EPSG:32632", origin=(1000, 2000))
+    assert path.stat().st_size < 3e6, "what nobody saw takes no room"
+    with rasterio.open(path) as file:
+        for picture, mask, (x, y) in parts_of(wide):
+            row, column = file.index(x - 6.35 + 1000, y - 0.05 + 2000)  # north up: the smallest x is on the left
+            values, alpha = file.read(window=((row, row + 64), (column, column + 64)))
+            np.testing.assert_array_equal(values, picture[::-1].T)
+            np.testing.assert_array_equal(alpha > 0, mask[::-1].T)
+        seen = file.read(2, out_shape=(file.height // 128, file.width // 128))
+        assert 0 < (seen > 0).sum() < 30
+
+
+def test_a_map_too_wide_for_a_geotiff_is_refused(tmp_path, frames):
+    pytest.importorskip("rasterio")
+    mosaic = mosaic_of(frames[:1])
+    mosaic.add(camera(), frames[0][0], map_from_vehicle=standing_at(9e6, 9e6), distance=(2, 20))
+    with pytest.raises(ipm_rs.ArgumentError, match="export_tiles"):
+        mosaic.export_geotiff(tmp_path / "map.tif", crs="EPSG:32632")
+    assert mosaic.export_tiles(tmp_path) > 20
+    assert not (tmp_path / "map.tif").exists()
