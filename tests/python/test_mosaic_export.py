@@ -86,3 +86,66 @@ def test_a_map_too_wide_for_a_geotiff_is_refused(tmp_path, frames):
         mosaic.export_geotiff(tmp_path / "map.tif", crs="EPSG:32632")
     assert mosaic.export_tiles(tmp_path) > 20
     assert not (tmp_path / "map.tif").exists()
+
+
+def tiles_in(folder):
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*.png")}
+
+
+def test_an_older_map_s_tiles_go_and_nothing_else(tmp_path, frames, wide):
+    small = mosaic_of(frames[:1])
+    small.export_tiles(tmp_path / "alone")
+    site = tmp_path / "site"
+    wide.export_tiles(site)
+    others = [
+        "0/notes.txt",
+        "3/1/01.png",
+        "3/1/x.png",
+        "4/99/0.png",
+        "5/0/-1.png",
+        "30/0/0.png",
+        "photo.png",
+        "0/0.png",
+    ]
+    for name in others:
+        (site / name).parent.mkdir(parents=True, exist_ok=True)
+        (site / name).write_bytes(b"mine")
+    small.export_tiles(site)
+    kept = tiles_in(tmp_path / "alone")
+    found = {path.relative_to(site).as_posix(): path.read_bytes() for path in site.rglob("*") if path.is_file()}
+    page = found.pop("index.html")
+    assert page == (tmp_path / "alone" / "index.html").read_bytes()
+    assert found == {**kept, **dict.fromkeys(others, b"mine")}
+    assert not (site / "6").exists(), "nor empty folders"
+
+
+def test_tiles_without_a_page_are_not_taken_for_a_map_s(tmp_path, frames):
+    (tmp_path / "1/0").mkdir(parents=True)
+    (tmp_path / "1/0/1.png").write_bytes(b"mine")
+    (tmp_path / "index.html").write_text('<title>Mine</title>\nconst about = {"levels": 9};\n', "utf-8")
+    mosaic_of(frames[:1]).export_tiles(tmp_path)
+    assert (tmp_path / "1/0/1.png").read_bytes() == b"mine"
+
+
+def test_an_interrupted_export_says_so_and_is_made_good(tmp_path, monkeypatch, frames, wide):
+    small = mosaic_of(frames[:1])
+    small.export_tiles(tmp_path / "alone")
+    site = tmp_path / "site"
+    wide.export_tiles(site)
+    before = tiles_in(site)
+    with pytest.raises(ipm_rs.MosaicError, match="samples"):
+        small.export_tiles(site, blend="robust")
+    assert "columns" in (site / "index.html").read_text("utf-8") and tiles_in(site) == before
+
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr("ipm_rs.mosaic._slippy._remove_others", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            small.export_tiles(site)
+    page = (site / "index.html").read_text("utf-8")
+    assert "being written" in page and "<img" not in page and "columns" not in page
+    small.export_tiles(site)
+    assert tiles_in(site) == tiles_in(tmp_path / "alone")
+    assert (site / "index.html").read_bytes() == (tmp_path / "alone" / "index.html").read_bytes()

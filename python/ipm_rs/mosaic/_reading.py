@@ -220,7 +220,8 @@ class Readable(ABC):
         """Write the map as picture tiles of 256 pixels, ``<z>/<x>/<y>.png``, and a page that shows them.
 
         ``index.html`` needs no internet and no program on the server; opened as a file it works as well. x points up.
-        16-bit maps lose their lower byte.
+        16-bit maps lose their lower byte. Tiles of an older export in the directory are replaced or removed; until that
+        is done, the page says that the map is being written.
 
         Returns
         -------
@@ -233,11 +234,13 @@ class Readable(ABC):
             The directory cannot be written to.
         ArgumentError, ArgumentTypeError, MissingExtraError
             There is nothing to write; `blend` is none of `image`; Pillow is not installed (extra ``cli``).
+        MosaicError
+            The map does not keep what `blend` is made of.
         """
         from ipm_rs.mosaic._slippy import write_tiles
 
         place, wanted = as_path(directory, "directory"), self._blend_of(blend)
-        (_, end_x), (_, end_y) = bounds = self._whole()
+        (_, end_x), (_, end_y) = bounds = self._whole(wanted)
 
         def read(top: int, bottom: int, left: int, right: int) -> tuple[NDArray[Any], NDArray[np.bool_]]:
             return self._picture((end_x - bottom, end_x - top), (end_y - right, end_y - left), wanted)
@@ -271,6 +274,8 @@ class Readable(ABC):
             It cannot be written.
         ArgumentError, ArgumentTypeError, MissingExtraError
             There is nothing to write; an argument is wrong; rasterio is not installed (extra ``geo``).
+        MosaicError
+            The map does not keep what `blend` is made of.
         """
         from ipm_rs.mosaic._geotiff import write_geotiff
 
@@ -278,7 +283,7 @@ class Readable(ABC):
         values = array_of("origin", origin)
         if values.shape != (2,) or values.dtype.kind not in "iuf" or not np.isfinite(values).all():
             raise ArgumentError(f"origin: expected two finite numbers (east, north), got shape {values.shape}")
-        bounds = self._whole()
+        bounds = self._whole(wanted)
         assert self.channels is not None
         assert self.dtype is not None
         write_geotiff(
@@ -307,11 +312,12 @@ class Readable(ABC):
         layers = self._read(x, y, [blend, "mask"])
         return layers[blend], layers["mask"]
 
-    def _whole(self) -> tuple[tuple[int, int], tuple[int, int]]:
-        """Return the cells around all tiles, as many as they may be: for what is written in parts."""
+    def _whole(self, blend: str) -> tuple[tuple[int, int], tuple[int, int]]:
+        """Return the cells around all tiles, as many as they may be: for a picture that is written in parts."""
         self._check_whole()
-        if not self._tiles.keys():
+        if self._kind is None or not self._tiles.keys():
             raise ArgumentError("mosaic: expected frames to write a picture of, got none; add some")
+        check_kept([blend], self._kind)  # before anything is written
         return self._extent()
 
     def _extent(self) -> tuple[tuple[int, int], tuple[int, int]]:
