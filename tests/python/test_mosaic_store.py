@@ -78,6 +78,28 @@ def test_merges_on_disk(tmp_path, whole):
         assert_same(whole, one)
 
 
+@pytest.mark.parametrize("damaged", ["one", "other"])
+def test_a_merge_of_a_damaged_map_changes_nothing(tmp_path, damaged):
+    for name, numbers in (("one", range(0, LENGTH, 2)), ("other", range(1, LENGTH, 2))):
+        with on_disk(tmp_path / name) as mosaic:
+            add(mosaic, numbers)
+    with on_disk(tmp_path / "one") as one, on_disk(tmp_path / "other") as other:
+        assert len(other.tiles) > 8, "more than are kept in memory"
+        before = everything(one)
+        i, j = sorted({*one.tiles} & {*other.tiles})[-1]
+        (path,) = (tmp_path / damaged / "tiles").glob(f"{i}_{j}.*.npz")
+        text = path.read_bytes()
+        path.write_bytes(text[:-100])
+        with pytest.raises(FileError, match="tile"):
+            one.merge(other)
+        path.write_bytes(text)
+        assert one.frames == LENGTH // 2
+        for name, layer in everything(one).items():
+            np.testing.assert_array_equal(layer, before[name])
+        one.merge(other)
+        assert one.frames == LENGTH
+
+
 def test_what_was_not_committed_is_as_if_it_had_not_been(tmp_path, whole):
     mosaic = on_disk(tmp_path)
     add(mosaic, range(8))

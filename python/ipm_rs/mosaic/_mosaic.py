@@ -213,7 +213,11 @@ class Mosaic(Addable):
         ------
         MosaicError
             It has another resolution, tile size, dtype or number of channels, or keeps something else, or it is this
-            map; nothing has been added then.
+            map.
+        FileError
+            A tile of either map cannot be read. In all of these cases nothing has been added.
+        ArgumentTypeError
+            It is no mosaic.
         """
         if not isinstance(other, Mosaic):
             raise ArgumentTypeError(f"other: expected an ipm_rs.Mosaic, got {type(other).__name__}")
@@ -246,6 +250,8 @@ class Mosaic(Addable):
         kind = self._kind or other._kind
         for key in other.tiles:
             kind.check_room(self._tiles.frames(key) + other._tiles.frames(key))
+        for key in other.tiles:  # one that cannot be read is found out here: nothing has been added yet
+            other._tiles.get(key, kind), self._tiles.get(key, kind)
         self._kind, self._broken = kind, True
         for key in other.tiles:
             theirs, mine = other._tiles.get(key, kind), self._tiles.get(key, kind)
