@@ -6,11 +6,13 @@ import copy
 import gc
 import os
 import pickle
+import sys
+import threading
 from pathlib import Path
 
 import numpy as np
 import pytest
-from mosaic_drive import add, camera, frame, on_disk
+from mosaic_drive import LENGTH, add, camera, frame, on_disk
 from test_mosaic import assert_same
 
 import ipm_rs
@@ -139,3 +141,83 @@ def test_a_fork_reads_and_changes_nothing(tmp_path, child):
             child.end()
         total = int(mosaic.image().astype(np.int64).sum())
         assert child(lambda: int(mosaic.image().astype(np.int64).sum())) == str(total)
+
+
+def in_threads(*calls):
+    """Make calls at the same time; returns what they raised."""
+    errors, begin = [], threading.Barrier(len(calls))
+
+    def run(call):
+        begin.wait()
+        try:
+            call()
+        except Exception as error:
+            errors.append(error)
+
+    threads = [threading.Thread(target=run, args=(call,), daemon=True) for call in calls]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join(60)
+        assert not thread.is_alive(), "they wait for each other"
+    return errors
+
+
+@pytest.mark.parametrize("stored", [False, True])
+def test_threads_add_and_read_in_turns(tmp_path, stored):
+    mosaic = on_disk(tmp_path) if stored else ipm_rs.Mosaic(0.1, tile=64)
+    add(mosaic, range(1))
+    sys.setswitchinterval(1e-5)
+    try:
+        (low, high), y = mosaic.bounds
+
+        def read():
+            for _ in range(20):
+                mosaic.layers((low, high), y)
+                assert mosaic.tiles and mosaic.bounds and mosaic.nbytes and repr(mosaic)
+
+        errors = in_threads(lambda: add(mosaic, range(1, LENGTH, 2)), lambda: add(mosaic, range(2, LENGTH, 2)), read)
+    finally:
+        sys.setswitchinterval(5e-3)
+    assert not errors
+    alone = ipm_rs.Mosaic(0.1, tile=64)
+    add(alone, range(LENGTH))
+    assert mosaic.frames == LENGTH
+    assert_same(mosaic, alone)
+    mosaic.close()
+
+
+def test_maps_that_are_merged_into_each_other_do_not_wait_for_ever():
+    one, other = ipm_rs.Mosaic(0.1, tile=64), ipm_rs.Mosaic(0.1, tile=64)
+    image, pose = frame(0)
+    for mosaic in (one, other):
+        mosaic.add(camera(), image, map_from_vehicle=pose, distance=(1, 9))
+    assert not in_threads(lambda: one.merge(other), lambda: other.merge(one))
+    assert sorted((one.frames, other.frames)) == [2, 3], "one after the other"
+
+
+def test_a_call_waits_until_the_other_is_done(monkeypatch):
+    mosaic, entered, go, seen = ipm_rs.Mosaic(0.1, tile=64), threading.Event(), threading.Event(), []
+    inner = ipm_rs.Mosaic._accumulate
+
+    def slow(self, plan, threads):
+        self._broken = True  # as in the middle of a frame
+        entered.set()
+        assert go.wait(30)
+        self._broken = False
+        return inner(self, plan, threads)
+
+    monkeypatch.setattr(ipm_rs.Mosaic, "_accumulate", slow)
+    adding = threading.Thread(target=add, args=(mosaic, range(1)), daemon=True)
+    adding.start()
+    assert entered.wait(30)
+    reading = threading.Thread(target=lambda: seen.append(mosaic.layers()), daemon=True)
+    reading.start()
+    reading.join(0.3)
+    assert reading.is_alive() and not seen
+    go.set()
+    reading.join(30)
+    adding.join(30)
+    assert seen[0]["count"].max() == 1
+    twin = pickle.loads(pickle.dumps(mosaic))
+    assert_same(twin, mosaic)

@@ -17,6 +17,7 @@ from ipm_rs.errors import ArgumentError, ArgumentTypeError, CalibrationWarning, 
 from ipm_rs.mosaic._checks import each_of, whole_of
 from ipm_rs.mosaic._exposure import gain_of
 from ipm_rs.mosaic._frames import Wanted, again_of, checked_pictures, id_of
+from ipm_rs.mosaic._lock import in_turn
 from ipm_rs.mosaic._placing import Placed, Window, distance_of, ground_in_map, placed, pose_of, windows
 from ipm_rs.mosaic._reading import Readable
 from ipm_rs.mosaic._refining import refined
@@ -42,6 +43,7 @@ class Addable(Readable):
     def _count(self, frames: int, names: Iterable[str]) -> None:
         """Note that frames were added, and make them last now and then."""
 
+    @in_turn
     def add(
         self,
         camera: Camera | Rig | Mapping[str, Camera],
@@ -138,6 +140,7 @@ class Addable(Readable):
         self._count(1, () if name is None else (name,))
         return cells
 
+    @in_turn
     def gain(
         self,
         camera: Camera | Rig | Mapping[str, Camera],
@@ -185,6 +188,7 @@ class Addable(Readable):
             found[picture.name] = gain_of(self._tiles, kind, picture.image, frame, parts, threads)
         return found[""] if isinstance(camera, Camera) else found
 
+    @in_turn
     def refine(
         self,
         frames: Iterable[Sequence[Any]],
@@ -278,4 +282,6 @@ class Addable(Readable):
             oddity = self._drive.oddity()
             if oddity is not None:
                 self._drive = None
-                warnings.warn(f"map_from_vehicle: {oddity}", CalibrationWarning, stacklevel=3)
+                warnings.warn(
+                    f"map_from_vehicle: {oddity}", CalibrationWarning, stacklevel=4
+                )  # of whoever called `add`

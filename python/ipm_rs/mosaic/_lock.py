@@ -3,16 +3,23 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import os
 import sys
 import threading
 import weakref
+from collections.abc import Callable
+from contextlib import AbstractContextManager
 from pathlib import Path
-from types import TracebackType
+from typing import Concatenate, ParamSpec, Protocol, TypeVar
 
 from ipm_rs.errors import FileError
 
-__all__ = ["DirectoryLock", "Turn"]
+__all__ = ["DirectoryLock", "Turn", "in_turn"]
+
+P = ParamSpec("P")
+Result = TypeVar("Result")
+Shared = TypeVar("Shared", bound="_Shared")
 
 
 class DirectoryLock:
@@ -41,18 +48,33 @@ class DirectoryLock:
 
 
 class Turn:
-    """A lock that one thread at a time holds, as often as it likes; a forked process begins with a free one."""
+    """Whose turn it is: a lock that one thread at a time holds, as often as it likes."""
 
     def __init__(self) -> None:
         self._lock, self._process = threading.RLock(), os.getpid()
 
-    def __enter__(self) -> None:
-        if self._process != os.getpid():  # who held it is not in this process and never releases it
+    @property
+    def lock(self) -> AbstractContextManager[bool]:
+        """The lock; of a forked process a free one, for who held it may not be in this process to release it."""
+        if self._process != os.getpid():
             self._lock, self._process = threading.RLock(), os.getpid()
-        self._lock.acquire()
+        return self._lock
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
-        self._lock.release()
+
+class _Shared(Protocol):
+    @property
+    def _turn(self) -> Turn: ...
+
+
+def in_turn(method: Callable[Concatenate[Shared, P], Result]) -> Callable[Concatenate[Shared, P], Result]:
+    """Let calls of an object's methods from several threads wait for each other."""
+
+    @functools.wraps(method)
+    def waiting(self: Shared, /, *args: P.args, **kwargs: P.kwargs) -> Result:
+        with self._turn.lock:
+            return method(self, *args, **kwargs)
+
+    return waiting
 
 
 def _locked(path: Path) -> int:

@@ -11,6 +11,7 @@ from ipm_rs.errors import ArgumentError, ArgumentTypeError, FileError, MosaicErr
 from ipm_rs.mosaic._adding import Addable
 from ipm_rs.mosaic._cache import Tiles
 from ipm_rs.mosaic._checks import bool_of, dtype_of, whole_of
+from ipm_rs.mosaic._lock import Turn, in_turn
 from ipm_rs.mosaic._store import Store, cells_of, check_same
 from ipm_rs.mosaic._tiles import Kind
 from ipm_rs.mosaic.driving import Drive
@@ -27,6 +28,10 @@ class Mosaic(Addable):
     The map's axes are those of the poses, x and y level, z up. A cell holds integer sums over all frames that saw it,
     so the map does not depend on the order of frames, on threads, or on how many machines shared the work, to the last
     bit. What is made of the sums is chosen at reading: see `image`.
+
+    Threads may share it: their calls wait for each other, those that read as well, whatever a call does meanwhile. Only
+    while it is copied or pickled no other thread may add to it. A process that was forked from the one that opened a
+    `path` may read.
 
     Parameters
     ----------
@@ -70,6 +75,7 @@ class Mosaic(Addable):
         labels: bool = False,
         memory: int = 1 << 30,
     ) -> None:
+        self._turn = Turn()
         self._resolution = number_of("resolution", resolution, low=1e-6, high=100.0, what=" of metres a cell")
         self._side = whole_of("tile", tile, 64, 4096)
         if self._side % 64:
@@ -119,6 +125,7 @@ class Mosaic(Addable):
         """
         return cls(path=path, memory=memory, **cells_of(path))
 
+    @in_turn
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the map to a directory of its own, which `load` opens.
 
@@ -146,6 +153,7 @@ class Mosaic(Addable):
         finally:
             store.close()
 
+    @in_turn
     def commit(self) -> None:
         """With a `path`, make all that was added so far last, whatever happens to the process from now on.
 
@@ -162,6 +170,7 @@ class Mosaic(Addable):
             self._tiles.store.commit(self._resolution, self._kind, self._frames, self._new_names)
             self._new_names, self._uncommitted = [], 0
 
+    @in_turn
     def close(self) -> None:
         """With a `path`, commit and let others open it; the mosaic cannot be used any more.
 
@@ -177,6 +186,7 @@ class Mosaic(Addable):
             self._tiles.store.close()
             self._closed = True
 
+    @in_turn
     def __getstate__(self) -> dict[str, Any]:
         """Return what is pickled, or refuse: two objects that write one directory would lose each other's frames."""
         store = self._tiles.store
@@ -185,7 +195,11 @@ class Mosaic(Addable):
                 f"mosaic: expected one in memory to copy or pickle, got one that lives in {store.path}, which one at a "
                 "time has open; close it and open it there with Mosaic.load, or `save` it elsewhere and load that"
             )
-        return self.__dict__.copy()
+        return {name: value for name, value in self.__dict__.items() if name != "_turn"}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Take what was pickled; whose turn it is, is told in each process anew."""
+        self.__dict__.update(state, _turn=Turn())
 
     def __enter__(self) -> Mosaic:
         return self
@@ -202,6 +216,7 @@ class Mosaic(Addable):
         """How many calls of `add` the map holds."""
         return self._frames
 
+    @in_turn
     def __repr__(self) -> str:
         tiles = f"{len(self._tiles.keys())} tiles of {self._side} cells"
         return f"Mosaic({self._resolution:g} m, {tiles}, {self._frames} frames)"
@@ -223,6 +238,11 @@ class Mosaic(Addable):
             raise ArgumentTypeError(f"other: expected an ipm_rs.Mosaic, got {type(other).__name__}")
         if other is self:
             raise MosaicError("other: expected another map, got this one, whose frames would be added twice")
+        first, second = sorted((self, other), key=id)  # always in this order, or two might wait for each other
+        with first._turn.lock, second._turn.lock:
+            self._merge(other)
+
+    def _merge(self, other: Mosaic) -> None:
         self._check_changeable()
         other._check_whole()
         if (self._resolution, self._side) != (other._resolution, other._side):

@@ -17,6 +17,7 @@ from ipm_rs.errors import ArgumentError, ArgumentTypeError
 from ipm_rs.files.atomic import as_path
 from ipm_rs.mosaic._cache import Tiles
 from ipm_rs.mosaic._checks import overlap, range_of
+from ipm_rs.mosaic._lock import Turn, in_turn
 from ipm_rs.mosaic._placing import cells_grid
 from ipm_rs.mosaic._samples import feathered
 from ipm_rs.mosaic._tiles import Kind, TileKey
@@ -43,6 +44,7 @@ class Readable(ABC):
     _labels: bool
     _kind: Kind | None
     _tiles: Tiles
+    _turn: Turn
 
     @abstractmethod
     def _check_whole(self) -> None:
@@ -83,11 +85,13 @@ class Readable(ABC):
         return self._labels
 
     @property
+    @in_turn
     def tiles(self) -> list[TileKey]:
         """Which tiles there are, in order: (i, j) begins at x = i * tile * resolution and y = j * tile * resolution."""
         return self._tiles.keys()
 
     @property
+    @in_turn
     def bounds(self) -> tuple[tuple[float, float], tuple[float, float]] | None:
         """((x min, x max), (y min, y max)) around all tiles, metres; None where there is none."""
         if not self._tiles.keys():
@@ -98,10 +102,12 @@ class Readable(ABC):
         return (first_x * r, end_x * r), (first_y * r, end_y * r)
 
     @property
+    @in_turn
     def nbytes(self) -> int:
         """Bytes of the tiles in memory."""
         return 0 if self._kind is None else self._tiles.loaded() * self._kind.nbytes
 
+    @in_turn
     def window(self, x: Sequence[float] | None = None, y: Sequence[float] | None = None) -> BevGrid:
         """Return the grid of the map's cells in a range of x and of y, all tiles by default.
 
@@ -114,6 +120,7 @@ class Readable(ABC):
         """
         return self._grid(*self._cells(x, y))
 
+    @in_turn
     def image(
         self, x: Sequence[float] | None = None, y: Sequence[float] | None = None, *, blend: Blend | None = None
     ) -> NDArray[Any]:
@@ -141,6 +148,7 @@ class Readable(ABC):
         """
         return self.layers(x, y, names=(wanted := self._blend_of(blend)))[wanted]
 
+    @in_turn
     def layers(
         self,
         x: Sequence[float] | None = None,
@@ -216,6 +224,7 @@ class Readable(ABC):
                     samples[into_rows, into_columns] = tile.arrays.samples[rows, columns]
         return feathered(keys, samples, radius)
 
+    @in_turn
     def export_tiles(self, directory: str | os.PathLike[str], *, blend: Blend | None = None) -> int:
         """Write the map as picture tiles of 256 pixels, ``<z>/<x>/<y>.png``, and a page that shows them.
 
@@ -247,6 +256,7 @@ class Readable(ABC):
 
         return write_tiles(place, read, bounds, self._resolution, (self._tiles.keys(), self._side))
 
+    @in_turn
     def export_geotiff(
         self,
         path: str | os.PathLike[str],
