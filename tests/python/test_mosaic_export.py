@@ -149,3 +149,53 @@ def test_an_interrupted_export_says_so_and_is_made_good(tmp_path, monkeypatch, f
     small.export_tiles(site)
     assert tiles_in(site) == tiles_in(tmp_path / "alone")
     assert (site / "index.html").read_bytes() == (tmp_path / "alone" / "index.html").read_bytes()
+
+
+@pytest.mark.filterwarnings("ignore::PendingDeprecationWarning")  # of affine, by rasterio
+def test_a_geotiff_is_in_metres(tmp_path, frames):
+    pytest.importorskip("rasterio")
+    mosaic = mosaic_of(frames[:1])
+    feet = 'LOCAL_CS["hall",UNIT["foot",0.3048]]'
+    for crs, words in {
+        "EPSG:4326": "longitude",
+        "EPSG:4978": "Earth",
+        "EPSG:2263": "US survey foot",
+        feet: "foot",
+    }.items():
+        with pytest.raises(ipm_rs.ArgumentError, match=f"(?s)EPSG:32632.*{words}"):
+            mosaic.export_geotiff(tmp_path / "map.tif", crs=crs)
+    for origin in ((1e300, 0), (0, -2e9)):
+        with pytest.raises(ipm_rs.ArgumentError, match="origin"):
+            mosaic.export_geotiff(tmp_path / "map.tif", crs="EPSG:32632", origin=origin)
+    assert not list(tmp_path.iterdir())
+    for crs in ("EPSG:3857", 25832, 'LOCAL_CS["hall",UNIT["metre",1]]'):
+        mosaic.export_geotiff(tmp_path / "map.tif", crs=crs, origin=(-5, 32_500_000))
+
+
+@pytest.mark.filterwarnings("ignore::PendingDeprecationWarning")  # of affine, by rasterio
+def test_a_full_disk_leaves_the_older_geotiff(tmp_path, frames, monkeypatch):
+    rasterio = pytest.importorskip("rasterio")
+    resource = pytest.importorskip("resource")
+    noise = np.random.default_rng(0).integers(0, 256, frames[0][0].shape, dtype=np.uint8)
+    mosaic = ipm_rs.Mosaic(0.05, tile=64)
+    mosaic.add(camera(), noise, map_from_vehicle=POSES[0], distance=(2, 20))
+    path = tmp_path / "map.tif"
+    mosaic.export_geotiff(path, crs="EPSG:32632")
+    before = path.read_bytes()
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    for room in (100, len(before) // 2, len(before) * 9 // 10, len(before) - 1000, len(before) - 1):
+        resource.setrlimit(resource.RLIMIT_FSIZE, (room, limits[1]))
+        try:
+            with pytest.raises(ipm_rs.FileError, match="free space"):
+                mosaic.export_geotiff(path, crs="EPSG:32632")
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+        assert [entry.name for entry in tmp_path.iterdir()] == ["map.tif"] and path.read_bytes() == before
+
+    def full(*_, **__):
+        raise rasterio._err.CPLE_AppDefinedError(3, 1, "No space left on device")
+
+    monkeypatch.setattr("rasterio.shutil.copy", full)
+    with pytest.raises(ipm_rs.FileError, match="No space left"):
+        mosaic.export_geotiff(path, crs="EPSG:32632")
+    assert path.read_bytes() == before

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -9,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ipm_rs.errors import ArgumentError, FileError, MissingExtraError
+from ipm_rs.errors import ArgumentError, FileError, IpmError, MissingExtraError
 from ipm_rs.files.atomic import check_target
 from ipm_rs.mosaic._tiles import TileKey
 
@@ -47,7 +48,6 @@ def write_geotiff(
         import rasterio
         import rasterio.shutil
         from rasterio.enums import ColorInterp
-        from rasterio.errors import CRSError, RasterioError
         from rasterio.windows import Window
     except ImportError as error:
         raise MissingExtraError(
@@ -61,10 +61,7 @@ def write_geotiff(
             "leave out frames that lie far away, or use export_tiles"
         )
     check_target(path)
-    try:
-        system = rasterio.crs.CRS.from_user_input(crs)
-    except (CRSError, ValueError, TypeError) as error:
-        raise ArgumentError('crs: expected a coordinate system such as "EPSG:32632", got none that is known') from error
+    system = _metric(rasterio.crs.CRS, crs)
     # GDAL lays out a cloud-optimised file, overviews first, from a whole one
     temporary, laid_out = (path.with_name(f".{path.name}.{part}.tif") for part in ("part", "cog"))
     profile: dict[str, Any] = {
@@ -89,6 +86,7 @@ def write_geotiff(
             with rasterio.open(temporary, "w", **profile) as file:
                 colours = {1: ["gray"], 3: ["red", "green", "blue"]}.get(channels, ["undefined"] * channels)
                 file.colorinterp = [ColorInterp[colour] for colour in [*colours, "alpha"]]
+                sums = []
                 for left, low in _blocks(bounds, tiles):
                     right, high = min(left + _BLOCK, end_x), min(low + _BLOCK, end_y)
                     values, mask = read((left, right), (low, high))
@@ -97,7 +95,9 @@ def write_geotiff(
                     bands = values[None] if values.ndim == 2 else np.moveaxis(values, 2, 0)
                     alpha = np.where(mask, np.iinfo(dtype).max, 0).astype(dtype)
                     window = Window(left - first_x, end_y - high, right - left, high - low)
-                    file.write(np.concatenate([bands, alpha[None]]), window=window)
+                    whole = np.concatenate([bands, alpha[None]])
+                    file.write(whole, window=window)
+                    sums.append((window, zlib.crc32(whole.tobytes())))
             rasterio.shutil.copy(
                 temporary,
                 laid_out,
@@ -108,14 +108,41 @@ def write_geotiff(
                 bigtiff="if_safer",
                 sparse_ok=True,
             )
+            with rasterio.open(laid_out) as file:
+                # a disk that gets full at the end makes GDAL say so to the log alone; overviews lie before this
+                for window, known in sums:
+                    if zlib.crc32(file.read(window=window).tobytes()) != known:
+                        raise OSError("other pixels in the file than were written")
             laid_out.replace(path)
         finally:
             temporary.unlink(missing_ok=True)
             laid_out.unlink(missing_ok=True)
-    except (RasterioError, OSError, UnicodeError) as error:  # GDAL takes names that UTF-8 has
+    except IpmError:
+        raise
+    except Exception as error:
+        # UnicodeError is of names, which GDAL takes in UTF-8; of GDAL's own errors rasterio keeps some private
+        if not isinstance(error, (OSError, UnicodeError)) and not type(error).__module__.startswith("rasterio."):
+            raise
         raise FileError(
             f"{path}: expected to write it, got: {error}; check the directory and the free space"
         ) from error
+
+
+def _metric(systems: Any, crs: Any) -> Any:
+    """Return a coordinate system whose axes are in metres, or raise ArgumentError."""
+    try:
+        system = systems.from_user_input(crs)
+    except (ValueError, TypeError) as error:  # CRSError is a ValueError
+        raise ArgumentError('crs: expected a coordinate system such as "EPSG:32632", got none that is known') from error
+    unit, metres = system.units_factor
+    around_the_earth = system.is_geographic or system.to_wkt().startswith("GEOCCS")  # axes of a building are fine
+    if not around_the_earth and abs(metres - 1) < 1e-9:
+        return system
+    got = "one of the whole Earth, such as longitude and latitude" if around_the_earth else f"one in {unit}"
+    raise ArgumentError(
+        'crs: expected a projected coordinate system in metres, such as "EPSG:32632" (UTM 32 north), got '
+        f"{got}; take the UTM zone of the place, and an `origin` in it"
+    )
 
 
 def _blocks(bounds: tuple[tuple[int, int], tuple[int, int]], tiles: tuple[list[TileKey], int]) -> list[tuple[int, int]]:

@@ -31,6 +31,9 @@ _FEATHER = 0.5
 _MOST_CELLS = 1 << 28
 """Cells of one window that is read: 16 000 by 16 000."""
 
+_FARTHEST = 1e9
+"""Metres of an origin: numbers of zones before eastings fit, and a cell of 1 mm is still told from the next."""
+
 Blend = Literal["refined", "weighted", "best", "mean", "robust", "feathered", "labels"]
 
 
@@ -272,9 +275,9 @@ class Readable(ABC):
         path : str or path
             An existing file is replaced once the new one is whole.
         crs : str or whatever rasterio takes
-            The coordinate system, in metres, such as ``"EPSG:32632"`` (UTM 32 north).
+            The coordinate system, projected and in metres, such as ``"EPSG:32632"`` (UTM 32 north).
         origin : (east, north)
-            What is added to the map's coordinates.
+            Metres, which are added to the map's coordinates.
         blend : str, optional
             As in `image`.
 
@@ -293,6 +296,11 @@ class Readable(ABC):
         values = array_of("origin", origin)
         if values.shape != (2,) or values.dtype.kind not in "iuf" or not np.isfinite(values).all():
             raise ArgumentError(f"origin: expected two finite numbers (east, north), got shape {values.shape}")
+        if np.abs(values.astype(np.float64)).max() > _FARTHEST:
+            raise ArgumentError(
+                f"origin: expected metres within {_FARTHEST:g} of the coordinate system's own origin, got "
+                f"({values[0]:g}, {values[1]:g}); correct the unit"
+            )
         bounds = self._whole(wanted)
         assert self.channels is not None
         assert self.dtype is not None
