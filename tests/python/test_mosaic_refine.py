@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import collections
 import itertools
 
 import numpy as np
@@ -148,6 +149,11 @@ def test_what_a_mask_hid_stays_hidden(frames, refined):
     np.testing.assert_array_equal(mosaic.image(*RANGES), hidden)
 
 
+class Hostile(collections.UserDict):
+    def __getitem__(self, key):
+        raise RuntimeError(key)
+
+
 def test_mistakes_leave_the_picture_as_it_was(frames):
     mosaic = mosaic_of(frames[:2])
     before = mosaic.image()
@@ -161,6 +167,8 @@ def test_mistakes_leave_the_picture_as_it_was(frames):
         mosaic.refine([7])
     with pytest.raises(ipm_rs.ArgumentTypeError, match="fourth"):
         mosaic.refine([(*frames[0], "name")])
+    with pytest.raises(ipm_rs.ArgumentTypeError, match="cannot be read"):
+        mosaic.refine([(*frames[0], Hostile(gain=1))])
     with pytest.raises(ipm_rs.ArgumentError, match="'weight' too"):
         mosaic.refine([(*frames[0], {"weight": 1})])
     with pytest.raises(ipm_rs.ArgumentError, match="gain"):

@@ -62,7 +62,13 @@ def again_of(item: Any) -> Again:
     options = item[3] if len(item) == 4 else {}
     if not isinstance(options, Mapping):
         raise ArgumentTypeError(f"{wanted}, got {type(options).__name__} as the fourth; give a mapping")
-    others = [key for key in options if key not in ("gain", "mask")]
+    try:
+        options = dict(options)
+        others = [str(key) for key in options if key not in ("gain", "mask")]
+    except MemoryError:
+        raise
+    except Exception as error:  # a mapping of somebody else's raises what it likes
+        raise ArgumentTypeError(f"{wanted}, got a mapping that cannot be read as the fourth; give a dict") from error
     if others:
         raise ArgumentError(
             f"frames: expected 'gain' and 'mask' of a frame, got {others[0]!r:.40} too; give `ground` and `distance` "

@@ -123,7 +123,7 @@ def write_tiles(
 
 def _levels_of(page: Path) -> int:
     """Return the last level of the export that a page is of; -1 where there is none, or another page."""
-    with contextlib.suppress(OSError, ValueError):
+    with contextlib.suppress(OSError, ValueError, RecursionError):
         text = page.read_text("utf-8")
         found = _ABOUT.search(text) if "<title>Map of the road</title>" in text else None
         levels = json.loads(found[1]).get("levels") if found else None
