@@ -68,6 +68,7 @@ def test_what_is_wrong_is_told_of_before_frames_are_added(drive, capsys):
     picture = ["--picture", str(drive / "map.png")]
     for words, phrase in (
         (["--geotiff", str(drive / "map.tif"), "--crs", "junk"], "--crs"),
+        (["--geotiff", str(drive / "map.tif"), "--crs", "EPSG:4326"], "--crs: expected a projected"),
         ([*picture, "--x", "5", "1"], "--x"),
         ([*picture, "--y", "0", "0.123"], "--y"),
     ):

@@ -17,9 +17,10 @@ from ipm_rs import draw, streams
 from ipm_rs.cli.arguments import check_apart, check_not_input, check_output
 from ipm_rs.cli.frames import files_of
 from ipm_rs.cli.printing import emit
-from ipm_rs.errors import ArgumentError, MissingExtraError
+from ipm_rs.errors import ArgumentError
 from ipm_rs.files import images
 from ipm_rs.mosaic._checks import range_of
+from ipm_rs.mosaic._geotiff import metric_system
 from ipm_rs.streams._frame import tickets_of
 
 __all__ = ["check", "check_inputs", "removed_if_empty", "write"]
@@ -77,20 +78,11 @@ def _outputs(args: argparse.Namespace) -> list[Path]:
 
 
 def _check_crs(crs: str) -> None:
-    """Refuse, before a drive is gone through, what rasterio makes no coordinate system of."""
+    """Refuse, before a drive is gone through, what no GeoTIFF of a map is written in."""
     try:
-        from rasterio.crs import CRS
-        from rasterio.errors import CRSError
-    except ImportError as error:
-        raise MissingExtraError(
-            'expected rasterio, which writes GeoTIFF, found none; install it with: pip install "ipm-rs[geo]"'
-        ) from error
-    try:
-        CRS.from_user_input(crs)
-    except (CRSError, ValueError, TypeError) as error:
-        raise ArgumentError(
-            f"--crs: expected a coordinate system such as EPSG:32632, got {crs!r:.80}; give one that is known"
-        ) from error
+        metric_system(crs)
+    except ArgumentError as error:
+        raise ArgumentError(f"--{error}") from error
 
 
 @contextlib.contextmanager

@@ -14,7 +14,7 @@ from ipm_rs.errors import ArgumentError, FileError, IpmError, MissingExtraError
 from ipm_rs.files.atomic import check_target
 from ipm_rs.mosaic._tiles import TileKey
 
-__all__ = ["write_geotiff"]
+__all__ = ["metric_system", "write_geotiff"]
 
 Read = Callable[[tuple[int, int], tuple[int, int]], tuple[NDArray[Any], NDArray[np.bool_]]]
 
@@ -44,15 +44,12 @@ def write_geotiff(
     Blocks in which no one of the map's `tiles`, so many cells long, lies are left out of the file.
     The map's x is taken as east and its y as north, both from `origin`. Overviews never mix `labels`.
     """
-    try:
-        import rasterio
-        import rasterio.shutil
-        from rasterio.enums import ColorInterp
-        from rasterio.windows import Window
-    except ImportError as error:
-        raise MissingExtraError(
-            'expected rasterio, which writes GeoTIFF, found none; install it with: pip install "ipm-rs[geo]"'
-        ) from error
+    system = metric_system(crs)
+    import rasterio
+    import rasterio.shutil
+    from rasterio.enums import ColorInterp
+    from rasterio.windows import Window
+
     (first_x, end_x), (first_y, end_y) = bounds
     width, height = end_x - first_x, end_y - first_y
     if width * height > _MOST_CELLS:
@@ -61,7 +58,6 @@ def write_geotiff(
             "leave out frames that lie far away, or use export_tiles"
         )
     check_target(path)
-    system = _metric(rasterio.crs.CRS, crs)
     # GDAL lays out a cloud-optimised file, overviews first, from a whole one
     temporary, laid_out = (path.with_name(f".{path.name}.{part}.tif") for part in ("part", "cog"))
     profile: dict[str, Any] = {
@@ -128,10 +124,16 @@ def write_geotiff(
         ) from error
 
 
-def _metric(systems: Any, crs: Any) -> Any:
-    """Return a coordinate system whose axes are in metres, or raise ArgumentError."""
+def metric_system(crs: Any) -> Any:
+    """Return rasterio's coordinate system, whose axes are in metres, or raise ArgumentError or MissingExtraError."""
     try:
-        system = systems.from_user_input(crs)
+        from rasterio.crs import CRS
+    except ImportError as error:
+        raise MissingExtraError(
+            'expected rasterio, which writes GeoTIFF, found none; install it with: pip install "ipm-rs[geo]"'
+        ) from error
+    try:
+        system = CRS.from_user_input(crs)
     except (ValueError, TypeError) as error:  # CRSError is a ValueError
         raise ArgumentError('crs: expected a coordinate system such as "EPSG:32632", got none that is known') from error
     unit, metres = system.units_factor
