@@ -112,8 +112,8 @@ pub fn points_size((width, height): (usize, usize), stride: usize) -> (usize, us
 /// depth is not positive, not finite or outside the limits, where the mask is 0, and where the lens sees nothing.
 ///
 /// # Errors
-/// [`CloudError::DepthLimit`], [`CloudError::DepthSize`], [`CloudError::DepthChannels`], [`CloudError::TooManyPoints`],
-/// [`ViewError::OutputShape`], [`ThreadsError::Zero`](crate::error::ThreadsError::Zero),
+/// [`CloudError::DepthLimit`], [`CloudError::DepthSize`], [`CloudError::DepthChannels`], [`CloudError::MaskSize`],
+/// [`CloudError::TooManyPoints`], [`ViewError::OutputShape`], [`ThreadsError::Zero`](crate::error::ThreadsError::Zero),
 /// [`IsaError`](crate::error::IsaError) and [`Error::OutOfMemory`], before anything is written.
 pub fn points_from_depth_into<'a, D: DepthRows, O: PointSample>(
     depth: &D,

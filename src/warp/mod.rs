@@ -69,7 +69,9 @@ impl Lut {
     ///
     /// # Errors
     /// [`ViewError::SizeMismatch`], [`ViewError::OutputShape`], [`ViewError::BorderChannels`], [`WarpError::BorderMode`] and
-    /// [`ThreadsError::Zero`](crate::error::ThreadsError::Zero), all before anything is written.
+    /// [`ThreadsError::Zero`](crate::error::ThreadsError::Zero), all before anything is written; so are
+    /// [`IsaError`](crate::error::IsaError), and of area [`LutError::AreaSize`](crate::error::LutError::AreaSize) and
+    /// [`Error::OutOfMemory`].
     pub fn warp_into<T: Bilinear>(
         &self,
         image: &ImageView<'_, T>,

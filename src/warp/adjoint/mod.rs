@@ -82,6 +82,7 @@ impl Lut {
     /// # Errors
     /// [`WarpError::ImageCount`], [`WarpError::MixedChannels`], [`ViewError::SizeMismatch`], [`ViewError::OutputShape`]
     /// and [`ThreadsError::Zero`](crate::error::ThreadsError::Zero), all before anything is written;
+    /// [`WarpError::NoAdjoint`] of cubic, Lanczos and borders that repeat the image, [`IsaError`](crate::error::IsaError),
     /// [`LutError::AreaSize`](crate::error::LutError::AreaSize) for area,
     /// [`Error::OutOfMemory`](crate::Error::OutOfMemory) and [`Error::Interrupted`](crate::Error::Interrupted).
     pub fn warp_many_adjoint_into<T: PointSample>(
