@@ -165,8 +165,9 @@ def test_threads_of_sizes_that_were_tried_are_given_back(seed_lut, four_threads)
 def test_sizes_that_change_while_others_warp(seed_lut, four_threads):
     image = textured(1024, 2048, 3)
     expected = seed_lut.warp(image, threads=1)
-    ipm_rs.set_num_threads(1)
-    alone = settled()
+    ipm_rs.set_num_threads(2)
+    seed_lut.warp(image)
+    before = settled()
     stop = threading.Event()
 
     def resize() -> None:
@@ -187,9 +188,9 @@ def test_sizes_that_change_while_others_warp(seed_lut, four_threads):
     ipm_rs.set_num_threads(2)
     seed_lut.warp(image)
     end = time.monotonic() + 10
-    while tasks() - alone != 1 and time.monotonic() < end:  # /proc lists a thread for a moment after it was waited for
+    while tasks() > before and time.monotonic() < end:  # /proc lists a thread for a moment after it was waited for
         time.sleep(0.01)
-    assert tasks() - alone == 1
+    assert tasks() <= before  # fewer where threads of others ended meanwhile
 
 
 STRESS = """if True:
