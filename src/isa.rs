@@ -197,7 +197,7 @@ macro_rules! for_each_isa {
             $isa,
             Scalar => $scalar($($name),*),
             // SAFETY: an `Isa` other than scalar comes here only from `active`, `checked`, `available` or `or_scalar`,
-        // which found that the CPU has what it needs.
+            // which found that the CPU has what it needs.
             Avx2 => unsafe { avx2($($name),*) },
             // SAFETY: as above.
             Avx512 => unsafe { avx512($($name),*) },
@@ -210,6 +210,16 @@ pub(crate) use for_each_isa;
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_the_cpu_lacks_is_the_plain_one() {
+        for isa in [Isa::Scalar, Isa::Avx2, Isa::Avx512, Isa::Neon] {
+            let expected = if isa.checked().is_ok() { isa } else { Isa::Scalar };
+            assert_eq!(isa.or_scalar(), expected);
+        }
+        // no CPU has both
+        assert!([Isa::Avx2, Isa::Neon].iter().any(|isa| isa.or_scalar() == Isa::Scalar));
+    }
 
     #[test]
     fn every_available_name_is_understood_and_no_other() {

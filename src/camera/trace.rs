@@ -25,7 +25,8 @@ const FAR: f64 = 1e7;
 const HALVINGS: usize = 1 << 16;
 const HALVINGS_A_PART: usize = 1 << 8;
 
-/// Parts that one curve may have: a line across the largest height map has 2^17.
+/// Parts that one curve may have: those of a line across 8 million nodes of a height map. More come of numbers that
+/// overflowed, and would never end.
 const MOST_PARTS: usize = 1 << 24;
 
 /// Pixels that two points of a piece are apart, if there is one more between them.

@@ -39,7 +39,7 @@ impl Pairs for u8 {
             isa,
             Scalar => 0,
             // SAFETY: an `Isa` other than scalar comes here only from `active`, `checked`, `available` or `or_scalar`,
-        // which found that the CPU has what it needs.
+            // which found that the CPU has what it needs.
             Avx2 => unsafe {
                 match channels {
                     1 => x86::avx2::<1>(up, pixels, out),
@@ -69,7 +69,7 @@ impl Pairs for u8 {
             isa,
             Scalar => false,
             // SAFETY: an `Isa` other than scalar comes here only from `active`, `checked`, `available` or `or_scalar`,
-        // which found that the CPU has what it needs.
+            // which found that the CPU has what it needs.
             Avx2 => unsafe {
                 match channels {
                     1 => avx2::boxes_u8::<1>(k, rows, out),

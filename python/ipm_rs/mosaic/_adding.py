@@ -282,6 +282,5 @@ class Addable(Readable):
             oddity = self._drive.oddity()
             if oddity is not None:
                 self._drive = None
-                warnings.warn(
-                    f"map_from_vehicle: {oddity}", CalibrationWarning, stacklevel=4
-                )  # of whoever called `add`
+                # of whoever called `add`
+                warnings.warn(f"map_from_vehicle: {oddity}", CalibrationWarning, stacklevel=4)

@@ -22,7 +22,7 @@ from ipm_rs.refine._points import PoseFit, from_ground_points
 __all__ = ["from_board"]
 
 _MOST = 100
-#: Pixels along the shorter side of the smallest picture that may show four squares; OpenCV 5's finder fails below 13.
+#: Pixels along the shorter side of the smallest picture that may show four squares; OpenCV 5's finder fails up to 12.
 _SMALLEST = 16
 _FEWEST_CHARUCO = 6
 
